@@ -7,7 +7,7 @@ configurations of the arm. Every strategy gets the same queries, with the same s
 processor time of one call, scenes built beforehand. The length of a path is in rad, beside the shortest of the three. Every
 path is looked at again every 1/320 rad. Handey's planner assumes that the last three joints may change all at once; the last
 table counts where that fails, and how. `refining` shows how paths get shorter with the work, `travel` what the travel times
-between many points cost with one roadmap and one by one.
+between many points cost with one roadmap and one by one, and what it costs to repair that roadmap after a body was put elsewhere.
 """
 
 import argparse
@@ -25,20 +25,22 @@ from rich.console import Console
 from rich.table import Table
 
 from engine import plugins
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats
-from engine.model.motion import Blocked, Moved, Query, Strategy
+from engine.model.motion import FINEST_M, Blocked, Moved, Query, Strategy
+from engine.pipelines.files import initial_facts
 from engine.pipelines.motion.moving import limits_of
 from engine.pipelines.motion.stations import near_one_another, stations
-from engine.pipelines.planning import initial_facts
+from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability, Reached
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.planner import plan
 from engine.stages.motion.refining import refined
-from engine.stages.motion.roadmap import mapped, neighbours, travels
+from engine.stages.motion.roadmap import mapped, neighbours, repaired, travels
+from kb.loader.cell import cell_of
 from kb.model.cell import Place
 from kb.model.shapes import Pose
 
@@ -47,6 +49,7 @@ FINER = 1 / 320
 WORK = (0, 3_000, 10_000, 30_000, 100_000, 300_000)  # configurations looked at for shorter paths
 NEAR, SAMPLE = 20, 200  # neighbours of each point, and pairs that are planned for one by one
 RIBS, CLEAR_M = (-0.35, 0.35), 0.08  # across the web, and how far points are from them
+MOVED = ("slra", "jig", "ribs")  # bodies that are put elsewhere, so that the roadmap has to be repaired
 BUDGET = 100_000  # configurations that one query may look at
 
 
@@ -83,6 +86,13 @@ class Bench:
                 start, goal = free[a][rng.integers(len(free[a]))], free[b][rng.integers(len(free[b]))]
             found.append(Query(start, goal[None]))
         return found
+
+    def moved(self, body: str) -> Ground:
+        """The ground after a body was put 10 cm beside its place."""
+        at = self.world.placed[body]
+        T = matmul(at.T_parent_frame, transforms.translation(0.1, 0.0, 0.0))
+        reach = Reachability(self.world.put(body, at.parent, T), plugins.geometry_backend())
+        return Ground(reach.checker(replace(self.places[0], touches=())))
 
     def _free(self, q: Floats) -> Floats:
         found: Floats = q[self.ground.clearance(q, 0.01) > 0.0]
@@ -201,8 +211,19 @@ def travelling(points: int, near: int, rng: np.random.Generator) -> Table:
     row("straight lines out of the points")
     limits, joints = at.limits, bench.hand.own
     pairs = neighbours(at.nodes[:, joints], limits, near)
-    found, _ = travels(at.ground, mapped(at.ground, at.nodes, pairs), pairs, limits, joints)
+    roadmap = mapped(at.ground, at.nodes, pairs)
+    found, _ = travels(at.ground, roadmap, pairs, limits, joints)
     row(f"{len(pairs)} travel times, proved")
+    for body in MOVED:
+        now = bench.moved(body)
+        now.lines(1 / 32)
+        now.proof(0.0, FINEST_M)
+        began = time.process_time(), time.time()
+        mended, looked = repaired(roadmap, at.ground, now)
+        row(f"after {body} has moved: {looked} edges repaired")
+        fresh = mapped(now, at.nodes, pairs)
+        row("the same roadmap made anew")
+        assert (mended.free == fresh.free).all(), "a repaired roadmap is what a new one would be"
     some = pairs[:: max(1, len(pairs) // SAMPLE)]
     for a, b in some:
         plan(at.ground, Query(at.nodes[a], at.nodes[b][None]))

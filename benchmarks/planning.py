@@ -3,19 +3,20 @@
     python benchmarks/planning.py [--data DIR] [--levels 1-4] [--seconds 60] [--planners NAMES] [--peers PYTHON]
 
 `--data` (else $CELLWRIGHT_DATA) has a folder `pddl/DOMAIN/LEVEL_INSTANCE` with `domain.pddl` and `problem.pddl`. `--peers`
-is the Python of an environment with `up-fast-downward` and `pyperplan`; without it there are no peers. Times are those of
-whole processes. Every plan of any planner goes through our checker, and a refused one counts as unsolved.
+is the Python of an environment with `up-fast-downward` and `pyperplan`; without it there are no peers. Times are processor
+times of whole processes with their children, so other work on the machine changes them little; `--seconds` is a limit of
+wall time. Every plan of any planner goes through our checker, and a refused one counts as unsolved.
 """
 
 import argparse
 import json
 import math
 import os
+import resource
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,7 +35,7 @@ PEERS = ("lama-first", "pyperplan")
 
 @dataclass(frozen=True)
 class Run:
-    """One planner on one task: seconds of the whole process, steps of a valid plan or None."""
+    """One planner on one task: processor seconds of the whole process, steps of a valid plan or None."""
 
     task: str
     planner: str
@@ -100,14 +101,20 @@ def run(folder: Path, planner: str, command: Callable[[Path, Path, float], list[
         for file in ("domain.pddl", "problem.pddl"):
             shutil.copy(folder / file, copy)
         plan = copy / "plan.txt"
-        started = time.perf_counter()
+        started = _of_children()
         answered = _output(command(copy, plan, seconds), copy, seconds)
-        taken = time.perf_counter() - started
+        taken = _of_children() - started
         if planner == "pyperplan":
             plan = copy / "problem.pddl.soln"
         elif planner in OURS and answered:
             plan.write_text(answered)
         return Run(name, planner, taken, _steps(copy, plan))
+
+
+def _of_children() -> float:
+    """The processor seconds of all child processes that have ended so far, with their own children."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _output(line: Sequence[str], place: Path, seconds: float) -> str:
@@ -180,14 +187,16 @@ def main() -> int:
     )
     parser.add_argument("--levels", default="1-4")
     parser.add_argument("--seconds", type=float, default=60)
-    parser.add_argument("--planners", default="auto,backward")
+    parser.add_argument("--planners", default="auto,backward", help=f"of {', '.join(OURS)}")
     parser.add_argument("--peers", help="the Python of an environment with the peers")
+    parser.add_argument("--beside", default=",".join(PEERS), help=f"of {', '.join(PEERS)}")
     parser.add_argument("--only", default="", help="tasks whose name has this in it")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     commands = {name: ours(name) for name in arguments.planners.split(",")}
     if arguments.peers:
-        commands |= {"lama-first": lama_first(arguments.peers), "pyperplan": pyperplan(arguments.peers)}
+        peers = {"lama-first": lama_first, "pyperplan": pyperplan}
+        commands |= {name: peers[name](arguments.peers) for name in arguments.beside.split(",")}
     first, _, last = arguments.levels.partition("-")
     folders = [f for f in tasks(arguments.data, (int(first), int(last or first))) if arguments.only in str(f)]
     if not folders:

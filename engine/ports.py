@@ -71,6 +71,13 @@ class MotionGround(CollisionChecker, Protocol):
         """The ground of what these joints alone move, against what stands still. All else is left out."""
         ...
 
+    def changed_since(self, before: "MotionGround") -> "MotionGround | None":
+        """The ground on which nothing is checked but the pairs that only one of this ground and another has.
+
+        None if their joints differ, so that everything has changed.
+        """
+        ...
+
     def travel(self, first: Floats, second: Floats) -> float:
         """A bound on the way (m) of every point of everything that moves, on the straight line between configurations (k,)."""
         ...

@@ -5,9 +5,9 @@ operations of that language (`+ - * / \\`); ranges, powers and absolute values o
 clingo evaluates.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from kb.terms import Atom, Function, Number, Operation, Substitution, Term, Text, substitute
+from kb.terms import PLAIN, Atom, Function, Number, Operation, Substitution, Term, Text, form_of, substitute
 
 BITS = 32  # bits of clingo's integers; larger values wrap around
 
@@ -16,17 +16,15 @@ def evaluate(term: Term) -> Term | None:
     """A ground term with all its arithmetic computed; None if it has no value, as with division by zero or
     `bolt + 1`.
     """
-    match term:
-        case Operation(operator, left, right):
-            return _calculated(operator, evaluate(left), evaluate(right))
-        case Function(_, arguments) if arguments:
-            return evaluate_atom(term)
-        case _:
-            return term
+    if isinstance(term, Operation):
+        return _calculated(term.operator, evaluate(term.left), evaluate(term.right))
+    return evaluate_atom(term) if isinstance(term, Function) else term
 
 
 def evaluate_atom(atom: Atom) -> Atom | None:
-    """`evaluate` for an atom. The result is an atom, too."""
+    """`evaluate` for an atom. The result is an atom, too: the same one if there is no arithmetic in it."""
+    if form_of(atom) == PLAIN:
+        return atom
     values = [evaluate(argument) for argument in atom.arguments]
     found = tuple([value for value in values if value is not None])
     return Function(atom.name, found) if len(found) == len(values) else None
@@ -45,7 +43,36 @@ def compare(left: Term, relation: str, right: Term) -> bool:
     one, other = evaluate(left), evaluate(right)
     if one is None or other is None:
         return False
+    if relation in ("=", "!="):
+        return (one == other) is (relation == "=")
     return _HOLDS[relation](_compared(order_key(one), order_key(other)))
+
+
+def aggregated(function: str, tuples: Iterable[tuple[Term | None, ...]]) -> tuple[object, ...]:
+    """The sort key of the value of a set of tuples: #count, #sum, #min or #max, as clingo has it.
+
+    #sum passes over what is no number; the #min of nothing is greater than all terms, the #max of nothing less.
+    """
+    firsts = [each[0] for each in tuples if each and each[0] is not None]
+    if function == "count":
+        return (0, len(firsts))
+    if function == "sum":
+        return (0, sum(each.value for each in firsts if isinstance(each, Number)))
+    keys = map(order_key, firsts)
+    return min(keys, default=(9,)) if function == "min" else max(keys, default=(-1,))
+
+
+def term_of(key: tuple[object, ...], tuples: Iterable[tuple[Term | None, ...]]) -> Term | None:
+    """The term with the sort key of an aggregate's value; None if no term has it."""
+    if key[0] == 0 and isinstance(key[1], int):
+        return Number(key[1])
+    firsts = (each[0] for each in tuples if each)
+    return next((each for each in firsts if each is not None and order_key(each) == key), None)
+
+
+def relates(relation: str, left: tuple[object, ...], right: tuple[object, ...]) -> bool:
+    """Whether a comparison holds between the values with two sort keys."""
+    return _HOLDS[relation](_compared(left, right))
 
 
 def order_key(term: Term) -> tuple[object, ...]:
@@ -64,8 +91,6 @@ def order_key(term: Term) -> tuple[object, ...]:
 
 
 _HOLDS: dict[str, Callable[[int], bool]] = {
-    "=": lambda sign: sign == 0,
-    "!=": lambda sign: sign != 0,
     "<": lambda sign: sign < 0,
     "<=": lambda sign: sign <= 0,
     ">": lambda sign: sign > 0,

@@ -34,12 +34,16 @@ def find(target: str) -> Path:
         return _own(name, target)
     if name in known and not problem:
         return known[name] / DOMAIN_FILE
-    candidates = (
-        {f"{name}/{p.stem}": p for p in sorted(known[name].glob("problems/*.yaml"))} if name in known else {}
-    )
+    candidates = _of_domain(known[name], name) if name in known else {}
     if target in candidates:
         return candidates[target]
     raise InvalidInput([_not_found(target, path, [*known, *candidates])])
+
+
+def _of_domain(folder: Path, name: str) -> dict[str, Path]:
+    """The problems of a bundled domain by name; those in `large` take long, and are not part of its tests."""
+    files = [*folder.glob("large/*.yaml"), *folder.glob("problems/*.yaml")]
+    return {f"{name}/{each.stem}": each for each in sorted(files)}
 
 
 def _own(folder: str, target: str) -> Path:

@@ -9,6 +9,7 @@ import operator
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import repeat
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +43,19 @@ class Variable:
         return self.name
 
 
-class _Hashed:
-    """A place for a hash that is computed once. It is no part of the value."""
+PLAIN, COMPUTED, OPEN = 0, 1, 2  # the forms of terms: a value, ground with arithmetic inside, with variables
 
-    __slots__ = ("_hash",)
+
+class _Known:
+    """Places for what is computed once: the hash and the form. They are no part of the value."""
+
+    __slots__ = ("_form", "_hash")
     _hash: int | None
+    _form: int | None
 
 
 @dataclass(frozen=True, slots=True, init=False, eq=False)
-class Function(_Hashed):
+class Function(_Known):
     """A constant (no arguments), a compound term, or an atom.
 
     Its hash is computed once: terms are looked up far more often than they are made. Making, hashing and comparing are
@@ -65,6 +70,7 @@ class Function(_Hashed):
         _set_name(self, name)
         _set_arguments(self, arguments)
         _set_hash(self, None)
+        _set_form(self, None if arguments else PLAIN)
 
     def __hash__(self) -> int:
         found = self._hash
@@ -93,7 +99,7 @@ class Function(_Hashed):
 
 
 _set_name, _set_arguments = (vars(Function)[each].__set__ for each in ("name", "arguments"))
-_set_hash = vars(_Hashed)["_hash"].__set__
+_set_hash, _set_form = (vars(_Known)[each].__set__ for each in ("_hash", "_form"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,13 +151,22 @@ def variables(term: Term) -> Iterator[Variable]:
             return
 
 
+def form_of(term: Term) -> int:
+    """PLAIN for a value, COMPUTED for a ground term with arithmetic inside, OPEN for a term with variables."""
+    if isinstance(term, Function):
+        found = term._form
+        if found is None:
+            found = max(map(form_of, term.arguments))
+            _set_form(term, found)
+        return found
+    if isinstance(term, Operation):
+        return max(COMPUTED, form_of(term.left), form_of(term.right))
+    return OPEN if isinstance(term, Variable) else PLAIN
+
+
 def is_ground(term: Term) -> bool:
     """Whether `term` has no variable."""
-    if isinstance(term, Function):
-        return all(map(is_ground, term.arguments)) if term.arguments else True
-    if isinstance(term, Operation):
-        return is_ground(term.left) and is_ground(term.right)
-    return not isinstance(term, Variable)
+    return form_of(term) != OPEN
 
 
 def substitute(term: Term, bindings: Substitution) -> Term:
@@ -159,7 +174,7 @@ def substitute(term: Term, bindings: Substitution) -> Term:
     if isinstance(term, Variable):
         return bindings.get(term, term)
     if isinstance(term, Function):
-        return substitute_atom(term, bindings) if term.arguments else term
+        return term if term._form == PLAIN else substitute_atom(term, bindings)
     if isinstance(term, Operation):
         return Operation(term.operator, substitute(term.left, bindings), substitute(term.right, bindings))
     return term
@@ -167,6 +182,8 @@ def substitute(term: Term, bindings: Substitution) -> Term:
 
 def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
     """`substitute` for an atom. The result is an atom, too: the same one if nothing is replaced."""
+    if not bindings or is_ground(atom):
+        return atom
     replaced = [substitute(argument, bindings) for argument in atom.arguments]
     return atom if all(map(operator.is_, replaced, atom.arguments)) else Function(atom.name, tuple(replaced))
 
@@ -186,17 +203,16 @@ def _matched(pattern: Term, ground: Term, extended: dict[Variable, Term]) -> boo
         if pattern.name == "_":
             return True
         return extended.setdefault(pattern, ground) == ground
-    if not isinstance(pattern, Function) or not pattern.arguments:
+    if is_ground(pattern):
         return pattern == ground
-    return (
-        isinstance(ground, Function)
-        and ground.name == pattern.name
-        and len(ground.arguments) == len(pattern.arguments)
-        and all(
-            _matched(one, other, extended)
-            for one, other in zip(pattern.arguments, ground.arguments, strict=True)
-        )
-    )
+    if (
+        not isinstance(pattern, Function)
+        or not isinstance(ground, Function)
+        or ground.name != pattern.name
+        or len(ground.arguments) != len(pattern.arguments)
+    ):
+        return pattern == ground
+    return all(map(_matched, pattern.arguments, ground.arguments, repeat(extended)))
 
 
 def unify(left: Term, right: Term, bindings: Substitution) -> dict[Variable, Term] | None:

@@ -4,12 +4,13 @@ An atom may depend on others of its own layer, but needs only those of earlier l
 A state is `closed` if exactly those derived atoms are in it that follow from its fluents.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 from engine.kernels.axioms import Closure
 from engine.kernels.bits import Bits, bitset, indices
+from engine.model.quantities import Change, Comparing, helps
 
 
 @dataclass(frozen=True)
@@ -32,13 +33,23 @@ class Axioms:
     rules: tuple[Axiom, ...]
     layers: Mapping[int, int]
     complements: Mapping[int, int]
+    tests: tuple[Comparing, ...] = ()  # derived atoms that compare quantities
 
     @cached_property
     def derived(self) -> Bits:
         """The derived atoms and their complementary atoms."""
-        return bitset(self.layers) | bitset(
-            [self.complements[a] for a in self.layers if a in self.complements]
-        )
+        return self._ruled | bitset([*self._tested, *self._opposed(self._tested)])
+
+    @cached_property
+    def _ruled(self) -> Bits:
+        return bitset([*self.layers, *self._opposed(self.layers)])
+
+    @cached_property
+    def _tested(self) -> Mapping[int, Comparing]:
+        return {each.atom: each for each in self.tests}
+
+    def _opposed(self, atoms: Iterable[int]) -> list[int]:
+        return [self.complements[atom] for atom in atoms if atom in self.complements]
 
     @cached_property
     def read(self) -> Bits:
@@ -47,6 +58,10 @@ class Axioms:
         for rule in self.rules:
             found |= rule.body
         return found & ~self.derived
+
+    def may_change(self, moved: Bits) -> bool:
+        """Whether derived atoms depend on one of these atoms, which became true or false; values of quantities come last."""
+        return bool(moved & self.read or (self.tests and moved >> self.size))
 
     @cached_property
     def by_head(self) -> Mapping[int, list[Axiom]]:
@@ -74,10 +89,26 @@ class Axioms:
         heads = [rule.head for rule in self.rules]
         bodies = [indices(rule.body) for rule in self.rules]
         layers = [self.layers[head] for head in heads]
-        return Closure(self.size, heads, bodies, layers, negated, indices(self.derived))
+        return Closure(self.size, heads, bodies, layers, negated, indices(self._ruled))
+
+    def helps(self, changes: tuple[Change, ...]) -> Bits:
+        """The comparisons that changes of quantities may make true, and those that they may make false."""
+        return helps(changes, self.tests, self.complements) if changes else 0
 
     def closed(self, state: Bits) -> Bits:
         """The state with the derived atoms that follow from its fluents, and no others."""
+        if not self.tests:
+            return self._followed(state)
+        compared = 0
+        for each in self.tests:
+            if each.holds(state):
+                compared |= 1 << each.atom
+            elif each.atom in self.complements:
+                compared |= 1 << self.complements[each.atom]
+        fluents = (1 << self.size) - 1 & ~self.derived
+        return self._followed(state & fluents | compared) | state >> self.size << self.size
+
+    def _followed(self, state: Bits) -> Bits:
         return int.from_bytes(self._closure.close(state.to_bytes(self._width, "little")), "little")
 
     def support(self, state: Bits, conditions: Bits) -> Bits:
@@ -88,6 +119,9 @@ class Axioms:
         while waiting:
             own = waiting & self.derived
             found |= waiting & ~own
+            own, compared = own & self._ruled, own & ~self._ruled
+            for atom in indices(compared):
+                found |= self._test_of(atom).read(state)
             seen |= own
             waiting = 0
             for atom in indices(own):
@@ -98,6 +132,10 @@ class Axioms:
                 )
                 waiting |= reasons & ~seen
         return found
+
+    def _test_of(self, atom: int) -> Comparing:
+        """The comparison of a derived atom, or of a complementary one."""
+        return self._tested[atom if atom in self._tested else self.opposite[atom]]
 
     def _broken(self, complement: int, state: Bits, given: Bits) -> Bits:
         """What is true in a state and breaks every rule of the derived atom with a complementary atom.

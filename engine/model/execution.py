@@ -30,7 +30,9 @@ class Command:
     `stream` names the device. `action` is the step as an operator instance (`pick(probe_1, slot(drawer, 1))`), or the name of
     a test or repair; `says` is what the domain tells the device, or the words for a person. `expects` is the pattern of a
     normal reply, with variables for what is measured. A person is asked (`asks`). `lasts_ms` is a forecast. Without a reply
-    within `timeout_ms` of its being sent, or of its turn in a queue, the command counts as failed.
+    within `timeout_ms` of its being sent, or of its turn in a queue, the command counts as failed. The device looks at the
+    facts in `looks` before it begins, and at those in `watches` as long as it goes on, too; if one is not so, it does not begin,
+    or stops, and replies `not(FACT)`.
     """
 
     number: int
@@ -44,6 +46,8 @@ class Command:
     timeout_ms: int | None = None
     about: int | None = None
     asks: bool = False
+    looks: tuple[str, ...] = ()
+    watches: tuple[str, ...] = ()
 
     @property
     def repeatable(self) -> bool:
@@ -143,11 +147,11 @@ class RecordKind(StrEnum):
     """What a record of the journal tells. Its content, by key, is described here; every record has `at_ms`.
 
     RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the first record.
-    PLAN: why (first, recovery, reschedule, or the order that asked for it), steps [{id, step, stream, says, after, resources,
+    PLAN: why (first, recovery, reschedule, choice, or the order that asked for it), steps [{id, step, stream, says, after, resources,
           start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, chains
           {name: stages pursued}, given_up, lost, blocked; it replaces the steps that have not begun.
     COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms, timeout_ms, about, asks,
-          step (id in the plan, or null).
+          step (id in the plan, or null); looks and watches, if there are any.
     REPLY: command, text, data. A command that got none in time has the text `timeout`.
     TROUBLE: trouble (its kind), text, command.
     DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the world model; moved: the

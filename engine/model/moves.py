@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from engine.model.geometry import Floats
 from kb.model.plan import StepId
 from kb.terms import Atom, Function
@@ -37,6 +39,18 @@ class Leg:
         """How long it lasts."""
         return float(self.corners_s[-1]) if len(self.corners_s) else 0.0
 
+    def at(self, t: float) -> Floats:
+        """The configuration (k,) at a time (s) from the start of the leg: from corner to corner, from rest to rest."""
+        n = min(int(np.searchsorted(self.corners_s, t, side="right")) - 1, len(self.path) - 2)
+        end: Floats = self.path[-1]
+        if n < 0:
+            return end
+        lasts = float(self.corners_s[n + 1] - self.corners_s[n])
+        s = min(1.0, (t - float(self.corners_s[n])) / lasts) if lasts > 0 else 1.0
+        smooth = s**3 * (10 - 15 * s + 6 * s * s)
+        found: Floats = self.path[n] + smooth * (self.path[n + 1] - self.path[n])
+        return found
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovedStep:
@@ -64,7 +78,8 @@ class Unmoved:
     """A step for which no motion is found: at which place, and why. `culprits` are the bodies in the way.
 
     If it is `sure`, every configuration was looked at, and each touches something, or cannot be followed.
-    It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are.
+    It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are,
+    and whatever the arguments of the operator at the places `regardless` are.
 
     `level` tells what refuses it: `reach` (no configuration at all), `contact` (every configuration touches something),
     `approach` (there is no straight way in or out), or `way` (no way leads there).
@@ -78,3 +93,4 @@ class Unmoved:
     culprits: tuple[str, ...] = ()
     while_true: tuple[Atom, ...] = ()
     sure: bool = False
+    regardless: frozenset[int] = frozenset()

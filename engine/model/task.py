@@ -1,11 +1,13 @@
 """The ground task: atoms numbered from 0, sets of atoms as integer bitsets (bit i is atom i)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from engine.kernels.bits import Bits as Bits
 from engine.kernels.bits import bitset as bitset
 from engine.kernels.bits import indices as indices
 from engine.model.axioms import Axioms
+from engine.model.quantities import Change, changed
 from kb.terms import Atom, Function, Term
 
 
@@ -27,7 +29,7 @@ class ConditionalEffect:
 class GroundOperator:
     """A ground operator: new state = (state - deletes) + adds.
 
-    Several may share one `instance`; they differ in supports or stages.
+    Several may share one `instance`; they differ in supports or stages. `changes` are those of quantities.
     """
 
     instance: Function
@@ -38,6 +40,7 @@ class GroundOperator:
     resources: tuple[Term, ...] = ()
     duration: int = 0
     cost: int = 1
+    changes: tuple[Change, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +51,11 @@ class Task:
     on atom p is a positive one on the complementary atom `not(p)`, kept by every effect on p. `goals` are
     alternatives: a state that contains any one of the bitsets is a goal state. A task that is not `whole` leaves out
     objects that are like others, so what bounds its plans need not bound those of its problem. Derived atoms that are not
-    replaced by their definitions have `axioms`; only conditions of operators name them, and `initial` is closed.
+    replaced by their definitions have `axioms`; only conditions of operators name them, and `initial` is closed. Values of quantities
+    that are met in a search are appended to `atoms`.
     """
 
-    atoms: tuple[Atom, ...]
+    atoms: Sequence[Atom]
     operators: tuple[GroundOperator, ...]
     initial: Bits
     goals: tuple[Bits, ...]
@@ -66,9 +70,23 @@ class Task:
 
     def grounded(self, state: Bits, operator: "GroundOperator") -> "GroundOperator":
         """The operator with fluents in the place of derived atoms in its preconditions, from which they follow in a state."""
-        if self.axioms is None or not operator.preconditions & self.axioms.derived:
+        if self.axioms is None or not (operator.changes or operator.preconditions & self.axioms.derived):
             return operator
-        return replace(operator, preconditions=self.axioms.support(state, operator.preconditions))
+        needed = self.axioms.support(state, operator.preconditions)
+        if not operator.changes:
+            return replace(operator, preconditions=needed)
+        after, read, touched = changed(state, state, operator.changes), 0, 0
+        for each in operator.changes:
+            touched |= each.level.mask
+            for level, _ in each.to.parts:
+                read |= state & level.mask
+        adds, deletes = operator.adds | after & touched, operator.deletes | state & touched & ~after
+        return replace(operator, preconditions=needed | read, adds=adds, deletes=deletes, changes=())
+
+    def reserve(self, number: int) -> None:
+        """Keep the values of quantities from taking the number of an atom that a search adds for itself."""
+        if isinstance(self.atoms, list) and len(self.atoms) == number:
+            self.atoms.append(Function("_reserved"))
 
     def names(self, bits: Bits) -> tuple[Atom, ...]:
         """The atoms in a bitset."""
@@ -83,13 +101,14 @@ def progress(state: Bits, operator: GroundOperator) -> Bits:
             adds |= effect.adds
             deletes |= effect.deletes
             cancels |= effect.cancels
-    return (state & ~deletes) | (adds & ~cancels)
+    found = (state & ~deletes) | (adds & ~cancels)
+    return changed(found, state, operator.changes) if operator.changes else found
 
 
 def after(axioms: Axioms | None, state: Bits, operator: GroundOperator) -> Bits:
     """The closed state after `operator` is applied in a closed state. Derived atoms are looked at only if they may change."""
     found = progress(state, operator)
-    if axioms is None or not (found ^ state) & axioms.read:
+    if axioms is None or not axioms.may_change(found ^ state):
         return found
     return axioms.closed(found)
 

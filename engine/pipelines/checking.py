@@ -8,7 +8,7 @@ from engine.model.stages import stage_atom
 from engine.model.task import Task
 from engine.pipelines import measuring
 from engine.pipelines.inspection.demands import findings_of
-from engine.pipelines.planning import generated_if_bare
+from engine.pipelines.plan_files import generated_if_bare
 from engine.pipelines.task_space import Wanted, space_of
 from engine.plugins import geometry_backend
 from engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators

@@ -5,36 +5,26 @@ and the one whose steps take least time.
 """
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from engine.model.measurements import chooses_tools, wanted
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
-from engine.model.schedule import Timetable
 from engine.model.task import Task
-from engine.pipelines.gate import accepted
 from engine.pipelines.planning import planned
-from engine.pipelines.timetable import by_other_means, keeping, own_order, timed
-from engine.pipelines.timetable.kept import LONG
-from engine.pipelines.timetable.orders import least_makespan
 from engine.stages.grounding import ground
 from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
-from engine.stages.scheduling import ScheduleLimits
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # schedules take a while to load, and only plans whose steps take time have one
+    from engine.model.schedule import Timetable
     from engine.pipelines.parts import Itinerary, Memory
+    from engine.stages.scheduling import ScheduleLimits
 
-WORK = 3.0  # of the solver, about seconds of one core
-CHOOSING = 2.0  # at most of it, and a sixth, spent on other means
-SOON = 5_000  # expansions after which no second plan is looked for
-SECOND = 2_000  # expansions that a second plan may take
-PLANS = "of all plans"
 SMALL = 500  # instances of operators of a problem whose sequence the planner may prove to be cheapest
 
 
@@ -60,7 +50,7 @@ class Run:
     """
 
     outcome: Outcome
-    timetable: Timetable | None = None
+    timetable: "Timetable | None" = None
     itinerary: "Itinerary | None" = None
 
     @property
@@ -103,6 +93,8 @@ def sequenced(
         return None
     if not isinstance(found.outcome, Found) or not _lasts(found.outcome.plan):
         return Run(found.outcome, None, found.itinerary)
+    from engine.pipelines.timetable import keeping
+
     outcome = _proved(problem, found.outcome, limits)
     return Run(outcome, keeping(problem, outcome.plan), found.itinerary)
 
@@ -126,8 +118,8 @@ def scheduled(
 
 
 def fastest(
-    problem: Problem, limits: Limits, work: ScheduleLimits = ScheduleLimits()
-) -> Timetable | Infeasible | GaveUp:
+    problem: Problem, limits: Limits, work: "ScheduleLimits | None" = None
+) -> "Timetable | Infeasible | GaveUp":
     """The timetable of the plan with the least makespan that is found, or why there is none. Raises `InvalidInput`.
 
     The plan of an inspection follows its sequence, and the schedule keeps this order.
@@ -139,19 +131,24 @@ def fastest(
     outcome, task = planned(problem, limits)
     if not isinstance(outcome, Found):
         return outcome
+    from engine.pipelines import makespan
+    from engine.stages.scheduling import ScheduleLimits
+
     planning = time.perf_counter() - started
-    best, refused = _fastest(problem, task, outcome, limits, work)
+    best, refused = makespan.fastest(problem, task, outcome, limits, work or ScheduleLimits())
     if best.unwatched and refused is not None:
         return refused
     seconds = {"planning": planning, **best.statistics.seconds, "in all": time.perf_counter() - started}
     return replace(best, statistics=Statistics(best.statistics.counts, seconds))
 
 
-def _kept(problem: Problem, followed: Run, started: float) -> Timetable | Infeasible | GaveUp:
+def _kept(problem: Problem, followed: Run, started: float) -> "Timetable | Infeasible | GaveUp":
     """The timetable of a plan that follows a sequence, or why there is none."""
     outcome = followed.outcome
     if not isinstance(outcome, Found):
         return outcome
+    from engine.pipelines.timetable import keeping
+
     made = followed.timetable or keeping(problem, outcome.plan)
     seconds = {**outcome.statistics.seconds, "in all": time.perf_counter() - started}
     return replace(made, statistics=replace(outcome.statistics, seconds=seconds))
@@ -161,69 +158,15 @@ def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objecti
     """An outcome with its timetable, and for the makespan with the best plan found from its own on."""
     if not isinstance(outcome, Found) or not _lasts(outcome.plan):
         return Run(outcome)
+    from engine.pipelines import makespan
+    from engine.pipelines.timetable import own_order
+
     if objective is Objective.COST:
         return Run(outcome, own_order(problem, task, outcome.plan))
-    work = ScheduleLimits(WORK, limits.seed, interrupted=limits.interrupted)
-    best, _ = _fastest(problem, task, outcome, limits, work)
+    best, _ = makespan.fastest(problem, task, outcome, limits)
     optimal = outcome.optimal and best.plan.cost == outcome.plan.cost
     return Run(replace(outcome, plan=best.plan, optimal=optimal), best)
 
 
 def _lasts(plan: Plan) -> bool:
     return any(step.duration for step in plan.steps)
-
-
-def _fastest(
-    problem: Problem, task: Task, outcome: Found, limits: Limits, work: ScheduleLimits
-) -> tuple[Timetable, Infeasible | GaveUp | None]:
-    """The best timetable of the plan and of others found from there on; and why a plan has none, if one has none."""
-    bound = least_makespan(task)
-    if len(outcome.plan.steps) > LONG:
-        return _judged(keeping(problem, outcome.plan), bound), None
-    own = own_order(problem, task, outcome.plan)
-    if own.schedule.makespan <= bound and not own.unwatched:
-        return _judged(own, bound), None
-    plans = list(_plans(problem, task, outcome, limits))
-    made = [timed(problem, task, each, work) for each in plans]
-    choosing = replace(work, work=min(work.work / 6, CHOOSING))
-    made += [each for each in [by_other_means(problem, task, plans, choosing, bound)] if each is not None]
-    found = [own, *(each for each in made if isinstance(each, Timetable))]
-    refused = next((each for each in made if not isinstance(each, Timetable)), None)
-    return _judged(min(found, key=_value), bound), refused
-
-
-def _judged(made: Timetable, bound: int) -> Timetable:
-    """The timetable, with the proof that no plan is shorter if it meets a bound of all plans."""
-    if made.schedule.makespan > bound or made.schedule.tardiness:
-        return made
-    return replace(made, schedule=replace(made.schedule, lower_bound=bound, proved=True), scope=PLANS)
-
-
-def _value(made: Timetable) -> tuple[int, ...]:
-    """What timetables are compared by; one that keeps to all that is wished comes first, the best proved one last."""
-    schedule = made.schedule
-    best = made.unwatched, schedule.tardiness, schedule.makespan
-    return *best, made.plan.cost, len(made.plan.steps), -schedule.lower_bound
-
-
-def _plans(problem: Problem, task: Task, outcome: Found, limits: Limits) -> Iterator[Plan]:
-    """The plan, and others with other steps."""
-    yield outcome.plan
-    done = sorted(str(step.operator) for step in outcome.plan.steps)
-    for other in _others(problem, task, outcome, limits):
-        if sorted(str(step.operator) for step in other.steps) != done:
-            yield other
-
-
-def _others(problem: Problem, task: Task, outcome: Found, limits: Limits) -> Iterator[Plan]:
-    """The plan whose steps take least time, if it is soon found."""
-    different = len({operator.duration for operator in task.operators if operator.duration}) > 1
-    if not different or outcome.statistics.counts.get("expanded", 0) > SOON or limits.interrupted():
-        return
-    operators = tuple(replace(each, cost=each.duration + min(1, each.cost)) for each in task.operators)
-    second = replace(limits, expansions=SECOND, thorough=False, strategy="auto")
-    found = plan_task(replace(task, operators=operators), second)
-    if isinstance(found, Found):
-        costs = {operator.instance: operator.cost for operator in task.operators}
-        steps = tuple(replace(step, cost=costs[step.operator]) for step in found.plan.steps)
-        yield accepted(problem, Plan(steps, found.plan.links))

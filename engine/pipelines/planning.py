@@ -3,35 +3,27 @@
 The loaders of our own language are imported inside the functions that use them, because tasks in PDDL do not need them.
 """
 
-import re
 import time
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
+from engine.pipelines.files import loaded as loaded
 from engine.pipelines.gate import InternalError, PlanGate
+from engine.pipelines.plan_files import check_plan as check_plan
+from engine.pipelines.plan_files import plan_in as plan_in
 from engine.stages.grounding import ground
 from engine.stages.grounding.limits import size
 from engine.stages.grounding.need import Named, faithful, thinned, without_irrelevant
 from engine.stages.planning import NO_MACROS, Limits, Macros
 from engine.stages.planning import plan as plan_task
-from engine.stages.validation import validate
-from engine.stages.validation.claims import makespan, times
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, read_file
 from kb.model.domain import Operator
-from kb.model.plan import Claims, Plan
 from kb.model.problem import Problem
-from kb.targets import CONTACTS_FILE, find
-from kb.terms import Atom, variables
-
-if TYPE_CHECKING:
-    from kb.loader import Loaded
+from kb.targets import find
+from kb.terms import variables
 
 LARGE = 200_000  # possible instances of operators
-OPERATORS = re.compile(r"^(operators|['\"]operators['\"])\s*:", re.MULTILINE)
 
 
 def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
@@ -64,13 +56,6 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
         hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
         raise InvalidInput([Diagnostic(Source(target), "K404", "this is a domain, not a problem", hint)])
     return known.problem
-
-
-def loaded(path: Path) -> "Loaded":
-    """What is in the file of a domain or problem; the domain may be one that is generated. Raises `InvalidInput`."""
-    from kb.loader import load
-
-    return load(path, generated_if_bare)
 
 
 def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
@@ -147,45 +132,3 @@ def _searched(
 def _is_priced(operator: Operator) -> bool:
     """Whether the cost of an operator depends on its arguments."""
     return operator.cost is not None and next(variables(operator.cost), None) is not None
-
-
-def check_plan(
-    problem: Problem, made: Plan, name: str = "plan", claims: Claims | None = None
-) -> list[Diagnostic]:
-    """Everything that the independent checker has against a plan and against what is claimed of it; empty if it is valid.
-
-    Raises `InvalidInput`.
-    """
-    return validate(problem, made, name, claims)
-
-
-def ending(made: Plan, claims: Claims | None = None) -> int:
-    """When the last step ends; each starts when it is said to, else as soon as it can."""
-    return makespan(made, times(made, claims or Claims()))
-
-
-def plan_in(file: Path) -> tuple[Problem, Plan]:
-    """The problem and the plan in a plan file; its domain may be one that is generated. Raises `InvalidInput`."""
-    return claimed_in(file)[:2]
-
-
-def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
-    """`plan_in`, and what else the file claims."""
-    from kb.loader.plan import load_claimed
-
-    return load_claimed(file, generated_if_bare)
-
-
-def generated_if_bare(domain: Path) -> File | None:
-    """The generated domain for a domain file without operators that has a contact model beside it, else None."""
-    if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS.search(read_file(domain).text):
-        return None
-    from engine.pipelines.task_space import generated  # slow to import
-
-    return generated(domain)
-
-
-def initial_facts(target: str) -> frozenset[Atom]:
-    """The initial state of the problem that a target names; empty for a domain. Raises `InvalidInput`."""
-    problem = loaded(find(target)).problem
-    return frozenset() if problem is None else PlanGate().semantics(problem).initial()

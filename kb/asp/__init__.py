@@ -6,7 +6,7 @@ which is about six times faster than asking for symbols one by one.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import clingo
 
@@ -79,11 +79,15 @@ class Grounder:
 
     def atoms(self, predicate: str, arity: int) -> list[tuple[Term, ...]]:
         """The argument tuples of every true atom of a predicate, in clingo's order."""
+        return [atom.arguments for atom in self.facts(predicate, arity)]
+
+    def facts(self, predicate: str, arity: int) -> Collection[Function]:
+        """Every true atom of a predicate, in clingo's order."""
         known = self._given.get((predicate, arity))
         if known is not None:
-            return [atom.arguments for atom in known]
+            return known.keys()
         found = self._control.symbolic_atoms.by_signature(predicate, arity)
-        return [_fact(atom.symbol).arguments for atom in found]
+        return [_fact(atom.symbol) for atom in found]
 
     def column(self, predicate: str, arity: int, number: int) -> list[str]:
         """The texts of one argument of every true atom of a predicate: its other arguments are not read."""

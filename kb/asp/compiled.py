@@ -2,8 +2,9 @@
 
 from clingo import SymbolType, ast
 
-from kb.model.conditions import Body, Comparison, Literal
-from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
+from kb.model.conditions import MIRRORED, Body, BodyPart, Comparison, Element, Literal, StateAggregate
+from kb.model.conditions import part_variables as variables_of
+from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables
 
 
 class NotCompilable(Exception):
@@ -12,7 +13,52 @@ class NotCompilable(Exception):
 
 def compiled(rule: ast.AST) -> tuple[Atom, Body]:
     """Head and body of a rule without pools whose head is an atom. Raises `NotCompilable`."""
-    return _atom(rule.head.atom), tuple(map(part, rule.body))
+    head = _atom(rule.head.atom)
+    plain = [part(node) for node in rule.body if not _is_aggregate(node)]
+    outside = {*variables(head), *(v for each in plain for v in variables_of(each))}
+    for node in filter(_is_aggregate, rule.body):
+        outside.update(v for _, term in _guards(node.atom) for v in variables(term))
+    waiting = iter(plain)
+    body: list[BodyPart] = [
+        _aggregate(node, outside) if _is_aggregate(node) else next(waiting) for node in rule.body
+    ]
+    return head, tuple(body)
+
+
+def _is_aggregate(node: ast.AST) -> bool:
+    return bool(
+        node.ast_type == ast.ASTType.Literal
+        and node.atom.ast_type in (ast.ASTType.BodyAggregate, ast.ASTType.Aggregate)
+    )
+
+
+def _aggregate(node: ast.AST, outside: set[Variable]) -> StateAggregate:
+    """An aggregate in a rule whose other parts, and whose guards, have the variables `outside`."""
+    name = _FUNCTIONS.get(getattr(node.atom, "function", -1))
+    if name is None or node.sign == ast.Sign.DoubleNegation:
+        raise NotCompilable(str(node))
+    elements = tuple(
+        Element(tuple(map(value, each.terms)), tuple(map(part, each.condition)))
+        for each in node.atom.elements
+    )
+    used = [v for each in elements for term in each.terms for v in variables(term)]
+    used += [v for each in elements for inner in each.body for v in variables_of(inner)]
+    guards = _guards(node.atom)
+    used += [v for _, term in guards for v in variables(term)]
+    outer = tuple(dict.fromkeys(v for v in used if v in outside and v != ANYTHING))
+    return StateAggregate(name, elements, guards, outer, node.sign == ast.Sign.NoSign)
+
+
+def _guards(aggregate: ast.AST) -> tuple[tuple[str, Term], ...]:
+    """What the value of an aggregate is compared with, and how; the value stands left."""
+    found = []
+    if aggregate.left_guard is not None:
+        found.append((MIRRORED[relation(aggregate.left_guard.comparison)], value(aggregate.left_guard.term)))
+    if aggregate.right_guard is not None:
+        found.append((relation(aggregate.right_guard.comparison), value(aggregate.right_guard.term)))
+    if not found:
+        raise NotCompilable(str(aggregate))
+    return tuple(found)
 
 
 def part(node: ast.AST) -> Literal | Comparison:
@@ -46,8 +92,7 @@ def value(node: ast.AST) -> Term:
             return Operation(_OPERATORS[node.operator_type], value(node.left), value(node.right))
         case ast.ASTType.UnaryOperation if node.operator_type == ast.UnaryOperator.Minus:
             inside = value(node.argument)
-            if isinstance(inside, Number):
-                return Number(-inside.value)
+            return Number(-inside.value) if isinstance(inside, Number) else Operation("-", Number(0), inside)
     raise NotCompilable(str(node))
 
 
@@ -74,6 +119,12 @@ _OPERATORS = {
     ast.BinaryOperator.Multiplication: "*",
     ast.BinaryOperator.Division: "/",
     ast.BinaryOperator.Modulo: "\\",
+}
+_FUNCTIONS: dict[int, str] = {
+    ast.AggregateFunction.Count: "count",
+    ast.AggregateFunction.Sum: "sum",
+    ast.AggregateFunction.Min: "min",
+    ast.AggregateFunction.Max: "max",
 }
 _RELATIONS = {
     ast.ComparisonOperator.Equal: "=",

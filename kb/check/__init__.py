@@ -44,6 +44,7 @@ def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
 def _unused(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
     used = {*_read(domain), *_changed(domain), *_counted(domain), *_named(problems), *read_by_engine(domain)}
     used |= {literal.atom.name for literal in spoken_of(domain)}
+    used |= {look.fact.name for o in domain.operators for look in o.online}
     used |= {each.name for o in domain.operators for term in _numbers(o) for each in asked(domain, term)}
     stated = {use for each in domain.asp for use in (each.defines, *(use for use, _ in each.uses))}
     for predicate in domain.predicates.values():

@@ -10,9 +10,10 @@ from kb.commands.matching import Match, Matcher
 from kb.commands.patterns import Slot, Word, expansions
 from kb.commands.phrases import Meaning, meanings
 from kb.commands.reading import Said
-from kb.commands.references import References, Unclear
+from kb.commands.references import References
 from kb.commands.sentence import book_of
 from kb.commands.vocabulary import Vocabulary
+from kb.commands.words import Unclear
 from kb.diagnostics import Diagnostic
 from kb.model.domain import NUMERIC_TYPES, Domain
 from kb.terms import Function, Term, Variable, substitute_atom

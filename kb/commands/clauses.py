@@ -8,15 +8,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from kb.commands.joints import Joint, before, behind, closes, joints, linking
-from kb.commands.linked import again, linked
+from kb.commands.linked import again, linked, wished
 from kb.commands.matching import LEFT_OUT, MOVED, Book, Match, Matcher, along
-from kb.commands.mentions import Words
 from kb.commands.patterns import PREPOSITIONS, Slot, Word
 from kb.commands.phrasebook import Form
 from kb.commands.reading import Said
 from kb.commands.tokens import Piece
+from kb.commands.words import Words
+from kb.model.domain import NUMERIC_TYPES
 
 LINKED = ("after", "before")
+FIRST = ("first", "that")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,7 @@ class Clause:
 
     `link` is "after" or "before" for a clause such as "after heating probe 1", which stands before or behind another. It is
     "first" or "that" for one that comes before all that was said, or before the clause before it: "but first open the drawer".
-    `again` means that it stands in short for an act that was said before.
+    `again` means that it stands in short for an act that was said before, `passive` that it says what should be done.
     `marked` says that a comma or "and" precedes it, `stop` that a sentence or half of one begins with it. `waits` has the
     offsets of the clauses that it waits for.
     """
@@ -39,6 +41,7 @@ class Clause:
     stop: bool = False
     waits: frozenset[int] = frozenset()
     again: bool = False
+    passive: bool = False
 
     @property
     def slots(self) -> dict[str, Words]:
@@ -133,7 +136,11 @@ class Search:
         if earlier is None or joint.marked or link:
             goes_on = earlier is not None and not joint.stop
             for begin, polite, place in before(self.said, joint.end, goes_on):
-                for match in (*self.matcher.forms(begin), *self._short(earlier, begin)):
+                said = (
+                    *self.matcher.forms(begin),
+                    *wished(self.matcher, begin, earlier is not None and earlier.clause.passive),
+                )
+                for match in (*said, *self._short(earlier, begin)):
                     if earlier is not None or not place:
                         yield from self._ended(earlier, joint, begin, match, place, polite)
         for begin, each in self._links(joint, link):
@@ -159,10 +166,15 @@ class Search:
         cost, count, order = earlier.cost if earlier is not None else (0, 0, 0)
         cost += match.cost + self.matcher.unfit(match) + (MOVED if match.form.moved else 0)
         for end, last, place in behind(self.said, match.end, earlier is None):
+            if match.values and match.values[-1].but and _says_first(self.said.pieces[match.end : end]):
+                continue  # "store all probes but probe 2 first" leaves nothing out
             then = joint.then or last
-            place = (
-                "" if then and place == "first" else place
-            )  # "then open the drawer first": before what follows
+            if then and place == "first":
+                place = ""  # "then open the drawer first": before what follows
+            if match.shared and "first" in (place, link):
+                place = link = (
+                    "that"  # "fill all bottles, then pack them, b2 first": b2 is packed first, not before all
+                )
             clause = Clause(
                 match.form,
                 match.values,
@@ -172,6 +184,7 @@ class Search:
                 joint.marked,
                 joint.stop,
                 again=match.again,
+                passive=match.passive,
             )
             total = (cost, count + 1, order + match.form.phrase)
             yield _Reading(end, total, clause, earlier, polite or (earlier is not None and earlier.polite))
@@ -187,7 +200,7 @@ class Search:
         if not self.short or earlier is None:
             return
         for match in self._shared(earlier.clause, begin):
-            yield replace(match, cost=match.cost + LEFT_OUT)
+            yield replace(match, cost=match.cost + LEFT_OUT, shared=True)
         things = [each for clause in earlier.clauses() for each in self._things(clause)]
         for word, node in self.book.natural.words.items():
             if (end := self.said.word(begin, word)) is not None:
@@ -215,19 +228,22 @@ class Search:
             yield from self._with_the_same_end(clause, start, begin, clause.values[:slots])
 
     def _with_the_same_end(
-        self, clause: Clause, start: int, place: int, values: tuple[Words, ...]
+        self, clause: Clause, start: int, place: int, values: tuple[Words, ...], first: bool = True
     ) -> Iterator[Match]:
-        """Only some parts from `start` on are said; what follows is as in the clause before."""
+        """Only some parts from `start` on are said; what follows is as in the clause before. `first`: nothing is said yet."""
         part = clause.form.parts[start] if start < len(clause.form.parts) else None
         if isinstance(part, Word):
             if (end := self.said.word(place, part.text)) is not None:
-                yield from self._with_the_same_end(clause, start + 1, end, values)
+                yield from self._with_the_same_end(clause, start + 1, end, values, False)
         elif part is not None:
+            numbers = any(isinstance(each, Slot) and each.type in NUMERIC_TYPES for each in clause.form.parts)
             for end, words in self.matcher.slot(part.type, place):
+                if first and numbers and _is_bare_number(words):
+                    continue  # "put probe 1 into depot 2 and 3": nobody can say which one is meant
                 now = (*values, words)
                 if end > place and clause.form.parts[start + 1 :]:
                     yield Match(end, clause.form, (*now, *clause.values[len(now) :]), LEFT_OUT)
-                yield from self._with_the_same_end(clause, start + 1, end, now)
+                yield from self._with_the_same_end(clause, start + 1, end, now, False)
 
     def _things(self, clause: Clause) -> Iterator[tuple[str, ...]]:
         """What a clause names in the words of its phrase: objects, or all words behind the verb."""
@@ -236,3 +252,12 @@ class Search:
             yield words[found.first : found.last + 1]
         if "" not in words:
             yield words[len(clause.form.verb) :]
+
+
+def _is_bare_number(words: Words) -> bool:
+    """Whether a slot is filled by numbers alone."""
+    return all(each.how == "numbered" and not each.owner for each in words.mentions) and bool(words.mentions)
+
+
+def _says_first(pieces: Sequence[Piece]) -> bool:
+    return any(each.lower in ("first", "beforehand", "before") for each in pieces)

@@ -78,7 +78,8 @@ def _similar(piece: Piece, expected: frozenset[str], domain: Domain, vocabulary:
     words = sorted(word for word in expected if word.isalpha() and word.islower())
     if A_NAME in expected:
         words += sorted(vocabulary.objects)
-    near = difflib.get_close_matches(piece.lower, words, n=1, cutoff=0.7)
+    near = [word for word in words if len(word) > 2 and sorted(word) == sorted(piece.lower)]
+    near = near or difflib.get_close_matches(piece.lower, words, n=1, cutoff=0.7)
     return f"did you mean '{near[0]}'?" if near else ""
 
 

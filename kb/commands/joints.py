@@ -16,6 +16,7 @@ THEN = _sayings(
     "then | afterwards | afterward | after that | after this | after which | thereafter | next | finally | lastly"
     " | subsequently | later on | later | at last | at the end | in the end | second | secondly | third | thirdly"
 )
+THANKS = _sayings("please | thanks | thank you | each")
 THEN_BEHIND = _sayings(
     "afterwards | afterward | after that | after this | thereafter | next | last | later | at the end"
 )
@@ -30,8 +31,11 @@ THEN += tuple(
     for what in WHAT
     for end in ("done", "finished", "ready", "over")
 )
-BEFORE = _sayings("now | also | just")
-BEHIND = _sayings("too | as well | also | now | each")
+REMIND = _sayings(
+    "make sure to | make sure you | be sure to | remember to | don't forget to | do not forget to | see to it that you"
+)
+BEFORE = _sayings("now | also | just | ok | okay")
+BEHIND = _sayings("too | as well | also | now | each | again | please | thanks | thank you")
 FIRST = _sayings("first | first of all | at first | to begin with | beforehand | before anything else")
 FIRST_BEHIND = _sayings("first | beforehand | before anything else")
 THAT = _sayings("before that | before this | before doing so | before then")
@@ -84,7 +88,7 @@ def before(said: Said, place: int, goes_on: bool) -> Iterator[tuple[int, bool, s
     yield place, False, ""
     for polite in _ends(said, place, POLITE):
         yield polite, True, ""
-    found = [(end, "") for end in _ends(said, place, BEFORE)]
+    found = [(end, "") for end in _ends(said, place, (*BEFORE, *REMIND))]
     found += [(end, "first" if goes_on else "") for end in _ends(said, place, FIRST)]
     found += [(end, "that") for end in _ends(said, place, THAT)]
     for end, link in found:
@@ -95,7 +99,9 @@ def before(said: Said, place: int, goes_on: bool) -> Iterator[tuple[int, bool, s
 def behind(said: Said, place: int, is_first: bool) -> Iterator[tuple[int, bool, str]]:
     """Where a clause can end after words behind it, whether they put it after the clauses before it, or before them."""
     yield place, False, ""
-    yield from ((end, False, "") for end in _ends(said, place, BEHIND))
+    comma = said.word(place, ",")
+    for begin in (place,) if comma is None else (place, comma):
+        yield from ((end, False, "") for end in _ends(said, begin, BEHIND if begin == place else THANKS))
     yield from ((end, False, "" if is_first else "first") for end in _ends(said, place, FIRST_BEHIND))
     if not is_first:
         yield from ((end, True, "") for end in _ends(said, place, THEN_BEHIND))

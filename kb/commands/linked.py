@@ -4,10 +4,10 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
 from kb.commands.matching import LEFT_OUT, Match, Matcher
-from kb.commands.mentions import Words
 from kb.commands.patterns import PREPOSITIONS, Slot
 from kb.commands.phrasebook import PARTICLES, Form, Node, gerunds, participles
 from kb.commands.reading import Said
+from kb.commands.words import Words
 
 SUBJECTS = ("you", "we", "i", "they", "robot", "cell")
 HAVE = ("have", "has", "had")
@@ -15,6 +15,11 @@ BE = tuple(
     tuple(each.split())
     for each in ["is", "are", "was", "were", "has been", "have been", "had been", "gets", "get"]
 )
+_SHOULD = (
+    "should be,must be,shall be,is to be,are to be,has to be,have to be,ought to be,needs to be,need to be,will be"
+    ",should get,must get"
+)
+SHOULD = tuple(tuple(each.split()) for each in _SHOULD.split(","))
 
 Named = tuple[int, tuple[Words, ...]]
 """The place after an act that was said before, and what fills its slots now."""
@@ -26,16 +31,46 @@ def linked(matcher: Matcher, begin: int) -> Iterator[Match]:
         for verb, node in root.words.items():
             for end in _verbs(matcher.said, begin, verb):
                 yield from matcher.walk(node, end, ())
+    for words, node in _verb_nodes(matcher):
+        yield from _passive(matcher, words, node, begin, BE)
+        yield from _participles_alone(matcher, words, node, begin)
+
+
+def wished(matcher: Matcher, begin: int, goes_on: bool) -> Iterator[Match]:
+    """The acts that are said as what should be done: "probe 1 must be heated for 5 min", and behind such: "and then cooled"."""
+    if not goes_on and not _says_should(matcher.said):
+        return
+    for verb, node in _verb_nodes(matcher):
+        found = _passive(matcher, verb, node, begin, SHOULD)
+        yield from (replace(each, passive=True) for each in found)
+        if goes_on:
+            yield from (
+                replace(each, passive=True) for each in _participles_alone(matcher, verb, node, begin)
+            )
+
+
+def _says_should(said: Said) -> bool:
+    words = [piece.lower for piece in said.pieces]
+    return any(tuple(words[n : n + len(each)]) == each for n in range(len(words)) for each in SHOULD)
+
+
+def _verb_nodes(matcher: Matcher) -> Iterator[tuple[tuple[str, ...], Node]]:
+    """The verbs of the phrases with the nodes behind them."""
     for verb, node in matcher.book.natural.words.items():
-        for particles, start in _particles(node):
-            yield from _passive(matcher, (verb, *particles), start, begin)
+        yield from (((verb, *particles), start) for particles, start in _particles(node))
 
 
-def _passive(matcher: Matcher, verb: tuple[str, ...], node: Node, begin: int) -> Iterator[Match]:
+def _passive(
+    matcher: Matcher, verb: tuple[str, ...], node: Node, begin: int, be: Iterable[tuple[str, ...]]
+) -> Iterator[Match]:
     """Acts in the passive. `node` is behind the words of the verb."""
     for place, values, following in _objects(matcher, node, begin):
-        for end in _passives(matcher.said, place, verb):
+        for end in _passives(matcher.said, place, verb, be):
             yield from matcher.walk(following, end, values)
+
+
+def _participles_alone(matcher: Matcher, verb: tuple[str, ...], node: Node, begin: int) -> Iterator[Match]:
+    """Acts of which only the participle is said, for objects that were named before: "... and cooled for 3 min"."""
     for words, following in _left_out(matcher, node, begin):
         for end in _participle(matcher.said, begin, verb):
             yield from matcher.walk(following, end, (words,))
@@ -72,7 +107,7 @@ def _first(matcher: Matcher, place: int, form: Form) -> Iterator[tuple[int, Word
     slot = next((part for part in form.parts if isinstance(part, Slot)), None)
     if slot is not None:
         for end, words in matcher.slot(slot.type, place):
-            if words.how == "all" and len(words.pieces) == 1:
+            if words.how == "bare" and not words.but:
                 yield end, replace(words, how="pronoun")  # "once all are heated": all that were said
             elif words.how != "omitted":
                 yield end, words
@@ -89,11 +124,13 @@ def _verbs(said: Said, begin: int, verb: str) -> Iterator[int]:
             yield from _heard(said, have, participles(verb))
 
 
-def _passives(said: Said, place: int, verb: tuple[str, ...]) -> Iterator[int]:
-    """The places after "is heated", "has been picked up"."""
-    for words in BE:
-        if (be := _heard_all(said, place, words)) is not None:
-            yield from _participle(said, be, verb)
+def _passives(
+    said: Said, place: int, verb: tuple[str, ...], be: Iterable[tuple[str, ...]] = BE
+) -> Iterator[int]:
+    """The places after "is heated", "has been picked up"; or, with other words of `be`, after "must be heated"."""
+    for words in be:
+        if (end := _heard_all(said, place, words)) is not None:
+            yield from _participle(said, end, verb)
 
 
 def _participle(said: Said, place: int, verb: tuple[str, ...]) -> Iterator[int]:

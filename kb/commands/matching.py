@@ -3,12 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from kb.commands.mentions import Mentions, Words
+from kb.commands.mentions import Mentions
 from kb.commands.patterns import Slot, Word
 from kb.commands.phrasebook import Form, Node
 from kb.commands.reading import Said
 from kb.commands.tokens import Piece
 from kb.commands.vocabulary import Vocabulary
+from kb.commands.words import Words
 from kb.model.domain import NUMERIC_TYPES
 
 MOVED, UNFIT, LEFT_OUT = 1, 100, 10_000  # costs of a reading
@@ -27,7 +28,8 @@ class Book:
 class Match:
     """A form that was found: the place after it, what fills its slots, and its cost.
 
-    `again` means that it is said in short, for an act that was said before: "once heated".
+    `again` means that it is said in short, for an act that was said before: "once heated". `passive` means that it says what
+    should be done: "probe 1 must be heated". `shared` means that its verb is that of the clause before: "..., b2 first".
     """
 
     end: int
@@ -35,6 +37,8 @@ class Match:
     values: tuple[Words, ...]
     cost: int = 0
     again: bool = False
+    passive: bool = False
+    shared: bool = False
 
 
 @dataclass(slots=True)

@@ -1,48 +1,51 @@
 """How a sentence names the objects of a slot: by numbers, names, ranges, "all", "both", "the others", pronouns."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 from kb.commands.reading import A_NAME, Said
 from kb.commands.tokens import DASHES, WORD, Piece
 from kb.commands.vocabulary import Nouns, Vocabulary
+from kb.commands.words import Mention, Words
 
 PRONOUNS = ("it", "them", "they", "these", "those", "both", "each")
 POINTING = ("this", "that", "these", "those", "same")
 ALL = ("all", "each", "every", "everything")
 UNTIL = ("to", "through", *DASHES)
 OTHERS = ("other", "remaining")
-BUT = (("except",), ("but",), ("besides",), ("apart", "from"), ("other", "than"), ("except", "for"))
+BUT = (
+    ("except",),
+    ("but",),
+    ("besides",),
+    ("apart", "from"),
+    ("other", "than"),
+    ("except", "for"),
+    ("excluding",),
+    ("but", "not"),
+)
+BUT_BEHIND_A_COMMA = (
+    ("except",),
+    ("except", "for"),
+    ("but", "not"),
+    ("not",),
+    ("apart", "from"),
+    ("excluding",),
+)
+ORDINALS = (
+    "first",
+    "second",
+    "third",
+    "fourth",
+    "fifth",
+    "sixth",
+    "seventh",
+    "eighth",
+    "ninth",
+    "tenth",
+    "last",
+)
 MOST_NOTED = 50  # nouns that a message could show
 NUMBERED = (("number",), ("no",), ("no", "."), ("nr",), ("nr", "."), ("#",))
-
-
-@dataclass(frozen=True, slots=True)
-class Mention:
-    """One part of a list: how it names objects, the owner of its noun (a type, or an object with its own words), and its ends.
-
-    `how` is `numbered`, `numbers` (a range), `named`, `names` (a range), `sole` (a noun alone), `called` or `counted`
-    (a number before a noun).
-    """
-
-    how: str
-    owner: str
-    ends: tuple[Piece, ...]
-    pieces: tuple[Piece, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Words:
-    """The content of a slot. `how` is `list`, `all`, `both`, `others`, `pronoun`, `omitted` or `value`.
-
-    An `omitted` one was not said at all. `owner` is the type whose noun was said with it; `but` holds what "except" leaves out.
-    """
-
-    how: str
-    pieces: tuple[Piece, ...]
-    mentions: tuple[Mention, ...] = ()
-    owner: str = ""
-    but: tuple[Mention, ...] = ()
 
 
 class Mentions:
@@ -65,19 +68,42 @@ class Mentions:
         return self._known[type_, place]
 
     def _slot(self, type_: str, place: int) -> Iterator[tuple[int, Words]]:
+        for end, words in self._whole(type_, place):
+            yield end, words
+            yield from self._without(type_, place, end, words)
+
+    def _whole(self, type_: str, place: int) -> Iterator[tuple[int, Words]]:
+        """The contents of a slot, before anything is left out of them."""
         for end, mentions in self._list(type_, place):
             yield end, Words("list", self._pieces(place, end), mentions)
-            if len(mentions) > 1 and (after := self.said.one_of(end, ("each", "both"))) is not None:
-                yield after, Words("list", self._pieces(place, after), mentions)
+            comma = self.said.word(end, ",")
+            for after in (end, comma) if len(mentions) > 1 and comma is not None else (end,):
+                if len(mentions) > 1 and (each := self.said.one_of(after, ("each", "both"))) is not None:
+                    yield each, Words("list", self._pieces(place, each), mentions)
         yield from self._both(type_, place)
         yield from self._all(type_, place)
         yield from self._others(type_, place)
         yield from self._pronoun(type_, place)
 
+    def _without(self, type_: str, place: int, end: int, words: Words) -> Iterator[tuple[int, Words]]:
+        """The same objects without some that are named behind "except"."""
+        if (
+            words.how == "list"
+            and len(words.mentions) == 1
+            and words.mentions[0].how not in ("numbers", "names")
+        ):
+            return
+        behind = [self.said.words(end, each) for each in BUT]
+        if (comma := self.said.word(end, ",")) is not None:
+            behind += [self.said.words(comma, each) for each in BUT_BEHIND_A_COMMA]
+        for but in (each for each in behind if each is not None):
+            for after, left in self._list(words.owner or type_, but):
+                yield after, replace(words, pieces=self._pieces(place, after), but=left)
+
     def _list(self, type_: str, place: int) -> Iterator[tuple[int, tuple[Mention, ...]]]:
         """Lists of mentions, the shortest first. After "and", each further mention makes a longer list."""
         ends: list[tuple[int, tuple[Mention, ...]]] = [
-            (end, (each,)) for end, each in self._items(type_, place)
+            (end, (_as_count(each),)) for end, each in self._items(type_, place)
         ]
         seen: set[int] = set()
         while ends:
@@ -105,11 +131,10 @@ class Mentions:
             yield end, Mention("called", name, (), self._pieces(place, end))
         nouns = list(self._said(self.vocabulary.nouns(type_), place))
         for end, owner in (*nouns, (place, "")):
-            numbered = next((e for each in NUMBERED if (e := self.said.words(end, each)) is not None), None)
-            yield from self._numbers(
-                owner, place, end if numbered is None or end == place else numbered, nouns
-            )
+            for begin in (end, *(e for each in NUMBERED if (e := self.said.words(end, each)) is not None)):
+                yield from self._numbers(owner, place, begin, nouns)
             yield from self._names(type_, owner, place, end)
+        yield from self._ranked(type_, place)
         longest = max((end for end, _ in called), default=place)
         for end, owner in (
             each for each in nouns if each[0] >= longest
@@ -118,6 +143,18 @@ class Mentions:
         if (count := self.said.number(place)) is not None:
             for end, owner in self._said(self.vocabulary.nouns(type_), count):
                 yield end, Mention("counted", owner, (self._last(count),), self._pieces(place, end))
+
+    def _ranked(self, type_: str, place: int) -> Iterator[tuple[int, Mention]]:
+        """Objects by their places in a row: the first two probes, the last one, the first."""
+        if (end := self.said.one_of(place, ORDINALS)) is None:
+            return
+        ordinal, count = self.said.pieces[end - 1], self.said.number(end)
+        many = () if count is None else (self.pieces_at(count),)
+        behind = end if count is None else count
+        for after, owner in self._said(self.vocabulary.nouns(type_), behind):
+            yield after, Mention("ranked", owner, (ordinal, *many), self._pieces(place, after))
+        if self.said.start(place) > place or (many and many[0].lower == "one"):  # "the first", "first one"
+            yield behind, Mention("ranked", "", (ordinal, *many), self._pieces(place, behind))
 
     def _numbers(
         self, owner: str, place: int, begin: int, nouns: Sequence[tuple[int, str]]
@@ -181,12 +218,12 @@ class Mentions:
         ends = list(self._said(self.vocabulary.nouns(type_), begin if counted is None else counted))
         if self.pieces_at(first).lower in ("all", "everything"):
             ends.append((first, ""))
+        if counted is not None and self.pieces_at(first).lower == "all":
+            yield counted, Words("list", self._pieces(place, counted), (self._counted("", counted, counted),))
         for end, owner in ends:
             number = (self._counted(owner, counted, end),) if counted is not None and owner else ()
-            yield end, Words("all", self._pieces(place, end), number, owner or type_)
-            for but in (e for each in BUT if (e := self.said.words(end, each)) is not None):
-                for after, left in self._list(owner or type_, but):
-                    yield after, Words("all", self._pieces(place, after), number, owner or type_, left)
+            how = "all" if owner or self.pieces_at(first).lower != "all" else "bare"
+            yield end, Words(how, self._pieces(place, end), number, owner or type_)
 
     def _counted(self, owner: str, number: int, end: int) -> Mention:
         return Mention("counted", owner, (self._last(number),), self._pieces(number - 1, end))
@@ -200,9 +237,13 @@ class Mentions:
         whole = self.said.word(place, "all")
         begin = place if whole is None else whole
         if (end := self.said.one_of(begin, OTHERS)) is not None:
-            for after, owner in self._said(self.vocabulary.nouns(type_), end):
-                yield after, Words("others", self._pieces(place, after), owner=owner)
-        for words in (("others",), ("rest",), ("other", "ones"), ("remaining", "ones")):
+            count = self.said.number(end)
+            behind, many = (end, ()) if count is None else (count, (self._counted("", count, count),))
+            for after, owner in self._said(self.vocabulary.nouns(type_), behind):
+                yield after, Words("others", self._pieces(place, after), many, owner)
+            if count is not None:
+                yield count, Words("others", self._pieces(place, count), many, type_)
+        for words in (("others",), ("rest",), ("other", "ones"), ("other", "one"), ("remaining", "ones")):
             if (end := self.said.words(begin, words)) is not None:
                 yield end, Words("others", self._pieces(place, end), owner=type_)
                 if words == ("rest",) and (of := self.said.word(end, "of")) is not None:
@@ -242,3 +283,9 @@ class Mentions:
 
     def _pieces(self, begin: int, end: int) -> tuple[Piece, ...]:
         return self.said.pieces[self.said.start(begin) if self.said.start(begin) < end else begin : end]
+
+
+def _as_count(mention: Mention) -> Mention:
+    """A number in words alone says how many, unless other objects with a noun stand before it: "heat two", "all but one"."""
+    alone = mention.how == "numbered" and not mention.owner and len(mention.pieces) == 1
+    return replace(mention, how="counted") if alone and mention.ends[0].kind == WORD else mention

@@ -4,21 +4,14 @@ import re
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-from kb.commands.mentions import Mention, Words
+from kb.commands.rows import chosen
 from kb.commands.tokens import Piece
 from kb.commands.vocabulary import Vocabulary
+from kb.commands.words import Mention, Unclear, Words
 from kb.diagnostics import nearest
 from kb.terms import Function, natural_key
 
 ENDING = re.compile(r"(.*?)(\d+)")
-
-
-class Unclear(Exception):
-    """A part of a sentence names nothing, or is ambiguous. `offset` is its place."""
-
-    def __init__(self, offset: int, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.offset, self.message, self.hint = offset, message, hint
 
 
 class References:
@@ -31,17 +24,29 @@ class References:
 
     def resolve(self, words: Words, type_: str) -> tuple[Function, ...]:
         """The objects meant, each once, in natural order. Raises `Unclear`."""
-        found = self._meant(words, type_)
+        found = self._left(words, type_, self._meant(words, type_))
         unique = tuple(sorted(set(found), key=lambda name: natural_key(Function(name))))
         for name in unique:
             if not self._is(name, type_):
                 said = f"{name} is {self._article(self.objects[name])}, not {self._article(type_)}"
                 raise Unclear(words.pieces[0].offset, said)
         if words.how not in ("pronoun", "omitted"):
-            self.named.append(unique)
+            self.named.append(tuple(dict.fromkeys(found)))
             if words.pieces[0].lower in ("each", "every"):
-                self.each.add(unique)
+                self.each.add(self.named[-1])
         return tuple(map(Function, unique))
+
+    def _left(self, words: Words, type_: str, found: Sequence[str]) -> Sequence[str]:
+        """The objects without those that "except" names, each of which must be among them."""
+        if not words.but:
+            return found
+        gone = self._listed(words.but, words.owner or type_)
+        if strange := [name for name in gone if name not in found]:
+            message = f"{strange[0]} is not among those from which it is left out"
+            raise Unclear(words.but[0].pieces[0].offset, message, f"these are: {', '.join(found)}")
+        if not (left := [name for name in found if name not in gone]):
+            raise Unclear(words.pieces[0].offset, f"there is no other {_plain(words.owner or type_)}")
+        return left
 
     def _meant(self, words: Words, type_: str) -> Sequence[str]:
         offset = words.pieces[0].offset
@@ -52,7 +57,7 @@ class References:
                 return self._omitted(words, offset, type_)
             case "others":
                 return self._others(words, offset)
-            case "all":
+            case "all" | "bare":
                 return self._all(words, offset)
             case "both":
                 return self._both(words, offset)
@@ -71,10 +76,14 @@ class References:
         found = self._of(words.owner)
         for counted in words.mentions:
             self._check_count(counted, found, words.owner)
-        left_out = self._listed(words.but, words.owner) if words.but else []
-        found = [name for name in found if name not in left_out]
         if not found:
-            raise Unclear(offset, f"there is no {'other ' if left_out else ''}{_plain(words.owner)}")
+            raise Unclear(offset, f"there is no {_plain(words.owner)}")
+        named = {name for names in self.named for name in names if self._is(name, words.owner)}
+        if words.how == "bare" and named and named != set(found):
+            message = (
+                f"'all' can mean those that were named ({', '.join(sorted(named))}), or all that there are"
+            )
+            raise Unclear(offset, message, "say 'them', 'all of them', or 'all' with a noun")
         return found
 
     def _check_count(self, counted: Mention, found: Sequence[str], owner: str) -> None:
@@ -96,6 +105,11 @@ class References:
         named = {name for names in self.named for name in names if self._is(name, words.owner)}
         found = [name for name in self._of(words.owner) if name not in named]
         said = " ".join(piece.text for piece in words.pieces)
+        if named and found and self._is_one(words) and len(found) > 1:
+            raise Unclear(offset, f"which '{said}'? there are {len(found)}", f"these: {', '.join(found)}")
+        for counted in words.mentions:
+            if counted.ends[0].value != 1:
+                self._check_count(counted, found, words.owner)
         if not named:
             message = (
                 f"'{said}' means those that were not named, but no {_plain(words.owner)} was named before"
@@ -106,6 +120,12 @@ class References:
                 offset, f"'{said}': there is no other {_plain(words.owner)}", self._range(words.owner)
             )
         return found
+
+    def _is_one(self, words: Words) -> bool:
+        """Whether the words name one object: "the other one", "the other probe"."""
+        last = words.pieces[-1].lower
+        plurals = {noun[-1] for nouns in self.vocabulary.nouns(words.owner).values() for noun, _ in nouns}
+        return last == "one" or any(each in plurals and each != last for each in (f"{last}s", f"{last}es"))
 
     def _earlier(self, words: Words, offset: int, type_: str) -> Sequence[str]:
         """The objects that a pronoun means: the last list of this type. "them" after single objects means all of them."""
@@ -124,7 +144,7 @@ class References:
             return last
         if said[0] == "same":
             return last
-        meant = last if len(last) > 1 else tuple(dict.fromkeys(name for names in fitting for name in names))
+        meant = self._named_so_far(type_)
         if "both" in said and len(meant) != 2:
             raise Unclear(
                 offset,
@@ -145,8 +165,8 @@ class References:
         match mention.how, mention.ends:
             case "called", _:
                 return [mention.owner]
-            case "sole" | "counted", ends:
-                return self._sole(mention, type_) if not ends else self._counted(mention, ends[0], type_)
+            case "sole" | "counted" | "ranked", ends:
+                return self._by_noun(mention, ends, type_)
             case "numbered", (end,):
                 return [self._numbered(end, type_)]
             case "named", (end,):
@@ -157,6 +177,11 @@ class References:
                 return list(self._names(first, last))
             case how, ends:
                 raise AssertionError(f"a mention that no rule makes: {how} {ends}")
+
+    def _by_noun(self, mention: Mention, ends: Sequence[Piece], type_: str) -> Sequence[str]:
+        if mention.how == "ranked":
+            return self._ranked(mention, type_)
+        return self._sole(mention, type_) if not ends else self._counted(mention, ends[0], type_)
 
     def _sole(self, mention: Mention, type_: str) -> Sequence[str]:
         """The only object of a type, or the one that was named last: "heat probe 1, then cool the probe"."""
@@ -176,12 +201,28 @@ class References:
         """Exactly as many objects as there are, or as were named last: "the two probes"."""
         found = self._of(type_)
         fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
-        if fitting and len(fitting[-1]) == count.value:
+        if count.value != 1 and fitting and len(fitting[-1]) == count.value:
             return fitting[-1]
         if count.value == len(found):
             return found
         said = " ".join(piece.text for piece in mention.pieces)
         raise Unclear(count.offset, f"which {said}? there are {len(found)}", self._range(type_))
+
+    def _ranked(self, mention: Mention, type_: str) -> Sequence[str]:
+        """The objects at places of a row: of those that were named, or else of all, if these are numbered from 1 on."""
+        said = " ".join(piece.text for piece in mention.pieces)
+        named, whole = self._named_so_far(type_), self._of(type_)
+        rows = [named] if len(named) > 1 else []
+        if [_number(each) for each in whole] == [*range(1, len(whole) + 1)]:
+            rows.append(whole)
+        return chosen(rows, mention, said, self._range(type_))
+
+    def _named_so_far(self, type_: str) -> Sequence[str]:
+        """The last list of objects of a type, as they were said; single ones together, in the order in which they were."""
+        fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
+        if fitting and len(fitting[-1]) > 1:
+            return fitting[-1]
+        return tuple(dict.fromkeys(name for names in fitting for name in names))
 
     def _numbered(self, end: Piece, type_: str) -> str:
         found = [name for name in self._of(type_) if _number(name) == end.value]

@@ -6,19 +6,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from kb.commands.clauses import LINKED, Clause, NotUnderstood, read_clauses
+from kb.commands.clauses import FIRST, LINKED, Clause, NotUnderstood, read_clauses
 from kb.commands.exclusion import Exclusion
 from kb.commands.explain import explain
 from kb.commands.matching import Book
-from kb.commands.mentions import Words
 from kb.commands.order import NoOrder, arrange
 from kb.commands.patterns import PREPOSITIONS, Slot, Word
 from kb.commands.phrasebook import PARTICLES, tree
 from kb.commands.phrases import Meaning, alone, condition, meanings
-from kb.commands.references import References, Unclear
+from kb.commands.references import References
 from kb.commands.times import in_order_of_time
 from kb.commands.undoing import Act
 from kb.commands.vocabulary import Vocabulary
+from kb.commands.words import Unclear, Words
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import And, Condition, Literal
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind
@@ -87,6 +87,7 @@ class _Sentence:
             raise InvalidInput(
                 [Diagnostic(self.place(error.offset), "K603", error.message, error.hint)]
             ) from None
+        _say_once(clauses, asked)
         in_time = in_order_of_time(clauses, referred)
         acts = [act for number, clause in enumerate(in_time) for act in _placed(number, clause, asked)]
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
@@ -107,8 +108,8 @@ class _Sentence:
         references = References(self.vocabulary)
         found: list[Diagnostic] = []
         values: dict[int, dict[str, Sequence[Term]]] = {}
-        for clause, following in itertools.zip_longest(clauses, clauses[1:]):
-            types = self._types(clause)
+        for number, clause in enumerate(clauses):
+            types, following = self._types(clause), clauses[number + 1 :]
             try:
                 values[clause.offset] = {
                     variable: self._values(
@@ -123,13 +124,16 @@ class _Sentence:
     def _types(self, clause: Clause) -> dict[str, str]:
         return {slot.variable: slot.type for slot in self.known[clause.form.phrase].slots}
 
-    def _full(self, words: Words, type_: str, references: References, following: Clause | None) -> Words:
-        """The words that fill a slot; for those left out before any object is named, those of the next clause: "wash and dry part 1"."""
-        if words.how != "omitted" or references.named or following is None or following.then:
+    def _full(self, words: Words, type_: str, references: References, following: Sequence[Clause]) -> Words:
+        """The words that fill a slot; for those left out before any object is named, those of a later clause: "wash and dry part 1"."""
+        if words.how != "omitted" or references.named:
             return words
-        types = self._types(following)
-        same = (each for variable, each in following.slots.items() if types[variable] == type_)
-        return next((each for each in same if each.how not in ("omitted", "pronoun")), words)
+        for each in itertools.takewhile(lambda clause: not clause.then, following):
+            types = self._types(each)
+            said = [known for variable, known in each.slots.items() if types[variable] == type_]
+            if said and said[0].how != "omitted":
+                return words if said[0].how == "pronoun" else said[0]
+        return words
 
     def _values(self, words: Words, type_: str, references: References) -> Sequence[Term]:
         if words.how != "value":
@@ -247,6 +251,17 @@ def _referred(clauses: Sequence[Clause], asked: dict[int, list[Act]]) -> dict[in
             asked[clause.offset] = [known[key][0] for key in keys]
             found[clause.offset] = frozenset(known[key][1] for key in keys)
     return found
+
+
+def _say_once(clauses: Sequence[Clause], asked: dict[int, list[Act]]) -> None:
+    """Take out what is only said again to put it first: "store all probes, but probe 2 first" stores probe 2 once."""
+    for number, clause in enumerate(clauses):
+        if clause.link not in FIRST:
+            continue
+        first = {act.literals for act in asked[clause.offset]}
+        for each in clauses[:number]:
+            left = [act for act in asked[each.offset] if act.literals not in first]
+            asked[each.offset] = left or asked[each.offset]
 
 
 def _key(act: Act, again: bool) -> object:

@@ -1,5 +1,6 @@
 """The pieces of a sentence: words, numbers, punctuation marks; and the times that begin at a piece."""
 
+import functools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,10 +26,10 @@ _UNIT = r"(?:ms|milliseconds?|h|hrs?|hours?|mins?|minutes?|secs?|seconds?|s|days
 _COUNT = "|".join(sorted(COUNTS, key=len, reverse=True))
 _AMOUNT = rf"(?:\d{{1,9}}(?:\.\d{{1,9}})?\s*|(?:{_COUNT}|an?)\s+)"
 _STOP = r"(?:\.(?=\s*(?:[,;]|(?:and|then)\b)))?"
-_PIECE = rf"{_AMOUNT}{_UNIT}{_STOP}"
+_PIECE = rf"{_AMOUNT}(?P<unit>{_UNIT}){_STOP}"
 _PART = r"(?:half\s+an?|an?\s+half|(?:an?\s+|three\s+)?quarters?(?:\s+of)?\s+an?)\s+(?:hour|minute)(?!\w)"
 _HALF = rf"(?:{_AMOUNT}(?:and\s+a\s+half\s+){_UNIT}|an?\s+(?:hour|minute)\s+and\s+a\s+half)(?!\w)"
-_TIME = re.compile(rf"{_HALF}|{_PART}|{_PIECE}(?:\s*,?\s*(?:and\s+)?{_PIECE})*", re.IGNORECASE)
+_PHRASED, _MORE = rf"{_HALF}|{_PART}", rf"\s*,?\s*(?:and\s+)?{_PIECE}"
 _TOKEN = re.compile(
     r"(?P<number>\d+(?![\w.]*\w))"
     r"|(?P<range>(?P<range_low>[^\W\d_]\w*)(?P<range_dash>-|\.\.\.?)(?P<range_high>[^\W\d_]\w*\d|\d{1,9}))"
@@ -73,9 +74,28 @@ def _piece(text: str, offset: int, kind: str = "") -> Piece:
 
 
 def time_at(sentence: str, offset: int) -> tuple[int, Fraction] | None:
-    """The end and the seconds of the time that begins at a character; None if none does."""
-    found = _TIME.match(sentence, offset)
-    return (found.end(), seconds(found[0])) if found else None
+    """The end and the seconds of the time that begins at a character; None if none does.
+
+    The units of one time become smaller: "1 h and 30 min" is one time, "5 min and 5 min" are two.
+    """
+    if found := _compiled(_PHRASED).match(sentence, offset):
+        return found.end(), seconds(found[0])
+    end, last = offset, None
+    while (piece := _compiled(_MORE if last else _PIECE).match(sentence, end)) and (
+        last is None or _unit_of(piece) < last
+    ):
+        end, last = piece.end(), _unit_of(piece)
+    return None if last is None else (end, seconds(sentence[offset:end]))
+
+
+@functools.cache
+def _compiled(form: str) -> re.Pattern[str]:
+    """The form of a time. It is long, and compiled only when there is a sentence."""
+    return re.compile(form, re.IGNORECASE)
+
+
+def _unit_of(piece: re.Match[str]) -> Fraction:
+    return _unit(piece["unit"].lower())
 
 
 def seconds(text: str) -> Fraction:

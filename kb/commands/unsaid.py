@@ -2,7 +2,7 @@
 
 import unicodedata
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from kb.commands.tokens import WORD, Piece
 
@@ -16,14 +16,16 @@ class Refusal:
     hint: str
 
 
-_NEGATIONS = "not never no without avoid neither nor nothing none cannot dont don't"
+_NEGATIONS = "not never no without avoid neither nor nothing none cannot dont don't instead rather"
 NEGATIONS = frozenset(_NEGATIONS.split())
 NO_NEGATION = "is a negation, and a command can only say what is to be done"
 INSTEAD = "say what should be so instead, or write a goal such as `not p(X)` in a problem file"
 
+EXCEPT = ("except", "besides", "excluding", "but")
+
 KINDS = {
     "is a condition, and a command is planned before anything is known": (
-        "if unless whenever when once until till otherwise else provided depending case soon",
+        "if unless whenever when once until till otherwise provided depending case soon",
         "say what is to be done; a plan for the other case is another command",
     ),
     "leaves a choice, and a command says which": (
@@ -44,24 +46,32 @@ KINDS = {
     ),
     "says how, and only the phrases of the domain say that": (
         "quickly slowly carefully gently quietly fast faster slower immediately asap possible approximately about"
-        " roughly almost exactly least most more less",
+        " roughly almost exactly least most more less only just",
         "leave it out",
     ),
-    "is a question, and a command says what is to be done": (
+    "is a question or says what is so, and a command says what is to be done": (
         "what which who whom whose where why how is are was were does did has have ?",
-        "`plan` answers what is to be done; the state is in the problem file",
+        "write an act such as '{example}', or what 'should be' done; the state is in the problem file",
     ),
     "is no unit of the sentences of this domain: they know times and whole numbers": (
         "degree degrees celsius kelvin fahrenheit mm cm m km inch inches kg g mg bar rpm volt volts watt percent % °c"
         " weeks week months month years year",
         "times are in s, min, h or days",
     ),
-    "is the number of an object in its row, which a command cannot count": (
-        "first second third fourth fifth last leftmost rightmost",
+    "is the place of an object, which a command cannot find here": (
+        "first second third fourth fifth last leftmost rightmost former latter left right middle odd even half",
         "say its number or its name",
     ),
+    "leaves objects out, and stands directly behind those that it is about": (
+        " ".join(EXCEPT),
+        "such as 'all probes except probe 2'",
+    ),
+    "keeps something as it is, and a command only says what is to be done": (
+        "keep keeps keeping leave leaves leaving remain remains stay stays hold holds",
+        "say the act; what a later act needs is kept by the plan",
+    ),
     "says when by the clock, and a command only says what comes before what": (
-        "o'clock today tomorrow tonight morning evening noon midnight now ago",
+        "o'clock today tomorrow tonight morning evening noon midnight now ago within",
         "leave it out; `due` and `release` in a problem file give times of jobs",
     ),
     "is about a plan that runs, and a command only says what is to be done": (
@@ -78,6 +88,26 @@ KINDS = {
     ),
 }
 REASONS = {word: (reason, hint) for reason, (words, hint) in KINDS.items() for word in words.split()}
+TOGETHER = "asks for two acts at the same time, which a command cannot"
+ORDER = "says in which order the objects come, and a command says it with 'then'"
+SAYINGS = {
+    TOGETHER: ("at the same time", "at once", "in parallel", "together", "side by side"),
+    ORDER: (
+        *("one after the other", "one after another", "one by one", "in turn", "in order", "separately"),
+        *("individually", "beginning with", "starting with", "starting at", "beginning at"),
+    ),
+    "leaves a choice, and a command says which": ("one of", "two of", "one another", "everything else"),
+    "says when by the clock, and a command only says what comes before what": (
+        "no later than",
+        "not later than",
+    ),
+}
+HINTS = {
+    TOGETHER: KINDS[TOGETHER][1],
+    ORDER: "such as 'heat probe 1 for 5 min, then probe 2'",
+    "leaves a choice, and a command says which": "name the objects",
+    "says when by the clock, and a command only says what comes before what": "leave it out",
+}
 
 LANGUAGES = {
     "German": "der die das den dem des und dann danach nicht ein eine einen für fuer minuten stunden sekunden im ins mit"
@@ -99,12 +129,14 @@ def refusal(said: Sequence[Piece], index: int, known: Collection[str], example: 
     `known` are the words of the domain, which are never taken for anything else. `example` is one of its phrases.
     """
     strange = [piece for piece in said if piece.lower not in known and piece.value is None]
-    return next(_reasons(said, index, strange, example), None)
+    found = next(_reasons(said, index, strange, example), None)
+    return None if found is None else replace(found, hint=found.hint.replace("{example}", example))
 
 
 def _reasons(said: Sequence[Piece], index: int, strange: Sequence[Piece], example: str) -> Iterator[Refusal]:
     if (found := _language(said, strange, example)) is not None:
         yield found
+    yield from _sayings(said, index)
     for piece in strange:
         if piece.lower in NEGATIONS or piece.lower.endswith("n't"):
             yield Refusal(piece.offset, f"'{piece.text}' {NO_NEGATION}", INSTEAD)
@@ -113,9 +145,19 @@ def _reasons(said: Sequence[Piece], index: int, strange: Sequence[Piece], exampl
     yield from _no_act(said, index)
     near = [piece for piece in (here, before, *said[index + 1 : index + 3]) if piece is not None]
     for piece in near:
-        if piece in strange and piece.lower in REASONS:
+        if piece in strange and piece.lower in REASONS and not (piece is before and piece.lower in EXCEPT):
             reason, hint = REASONS[piece.lower]
             yield Refusal(piece.offset, f"'{piece.text}' {reason}", hint)
+
+
+def _sayings(said: Sequence[Piece], index: int) -> Iterator[Refusal]:
+    """What several words together ask for, where the sentence fails: "at the same time", "one after the other"."""
+    words = [piece.lower for piece in said]
+    for reason, sayings in SAYINGS.items():
+        for each in (saying.split() for saying in sayings):
+            begins = range(max(0, index - len(each)), min(index + 2, len(words)))
+            if (begin := next((n for n in begins if words[n : n + len(each)] == each), None)) is not None:
+                yield Refusal(said[begin].offset, f"'{' '.join(each)}' {reason}", HINTS[reason])
 
 
 def _no_act(said: Sequence[Piece], index: int) -> Iterator[Refusal]:

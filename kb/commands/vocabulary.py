@@ -100,8 +100,12 @@ class Vocabulary:
         if name not in self.domain.types:
             yield from (_bare(spoken(each)) for each in self.domain.words.get(name, ()))
         parts = tuple(name.lower().split("_"))
-        if len(parts) > 1 and all(parts) and not parts[-1].isdecimal():
+        if len(parts) > 1 and all(parts) and not (parts[-1].isdecimal() and self._is_noun(name, parts[:-1])):
             yield parts
+
+    def _is_noun(self, name: str, stem: Noun) -> bool:
+        """Whether the beginning of a name is a noun of its type, so that "probe 1" says it anyway."""
+        return any(stem == noun for noun in self._said(self.objects[name]))
 
 
 def _by_first(found: Iterable[tuple[Noun, str]]) -> Nouns:

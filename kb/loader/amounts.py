@@ -3,18 +3,20 @@
 from collections.abc import Callable
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kb.asp import Grounder
 from kb.asp.statics import evaluated
 from kb.diagnostics import InvalidInput, unknown_name
 from kb.files import is_file
 from kb.model.amounts import Amounts, Facts, Standing
-from kb.model.cell import WORLD, Cell
 from kb.model.domain import Domain
 from kb.model.motion import Point
-from kb.model.positions import is_fixed, position
 from kb.model.problem import Problem
 from kb.targets import CELL_FILE
+
+if TYPE_CHECKING:  # only travel needs cells, and they take a while to load
+    from kb.model.cell import Cell
 
 
 def amounts_of(problem: Problem, facts: Facts | None = None) -> Amounts:
@@ -30,12 +32,14 @@ def standing(domain: Domain) -> Standing:
 
     The cell is read when a point is first asked for. Raises `InvalidInput` then for a bad cell or an unknown frame.
     """
-    frame = domain.motion.frame if domain.motion else WORLD
-    cell = cache(lambda: _framed(domain, frame))
+    cell = cache(lambda: _framed(domain))
 
     def point(place: str) -> Point | None:
-        found = cell()
-        at = position(found, place, frame) if found else None
+        if (found := cell()) is None:
+            return None
+        from kb.model.positions import position
+
+        at = position(found[0], place, found[1])
         return None if at is None else (round(at[0] * 1e6), round(at[1] * 1e6), round(at[2] * 1e6))
 
     return point
@@ -51,22 +55,25 @@ def _evaluated(problem: Problem) -> Facts:
     return lambda name, arity: ask().atoms(name, arity)
 
 
-def _framed(domain: Domain, frame: str) -> Cell | None:
-    """The cell beside a domain, which has the frame; None if there is no cell. Raises `InvalidInput`."""
+def _framed(domain: Domain) -> "tuple[Cell, str] | None":
+    """The cell beside a domain, and the frame of its travel; None if there is no cell. Raises `InvalidInput`."""
     path = Path(domain.path).with_name(CELL_FILE) if domain.path else None
     if path is None or not is_file(path):
         return None
-    stamp = path.stat()
+    from kb.model.cell import WORLD
+    from kb.model.positions import is_fixed
+
+    stamp, frame = path.stat(), domain.motion.frame if domain.motion else WORLD
     cell = _cell(path, stamp.st_mtime_ns, stamp.st_size)
     if domain.motion is not None and not is_fixed(cell, frame):
         known = [name for name in (*cell.frames, *cell.bodies) if is_fixed(cell, name)]
         raise InvalidInput([unknown_name("frame", frame, [WORLD, *known], domain.motion.where)])
-    return cell
+    return cell, frame
 
 
 @lru_cache(maxsize=4)
-def _cell(path: Path, _changed: int, _size: int) -> Cell:
+def _cell(path: Path, _changed: int, _size: int) -> "Cell":
     """The cell in a file; a program that plans piece by piece reads it once for each version of the file."""
-    from kb.loader.cell import load_cell  # only travel needs cells, and they take a while to load
+    from kb.loader.cell import load_cell
 
     return load_cell(path)

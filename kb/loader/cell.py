@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kb.diagnostics import unknown_name
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import is_file
 from kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
 from kb.loader.cell_frames import Frames, read_placement
@@ -13,10 +13,10 @@ from kb.loader.cell_locations import Known, read_locations
 from kb.loader.cell_measuring import read_measuring
 from kb.loader.cell_operations import read_operations
 from kb.loader.cell_places import Mentioned, is_tool, read_places
+from kb.loader.loading import domain_of
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
-from kb.loader.urdf import read_urdf
 from kb.model.cell import (
     WORLD,
     ZONE_SPEED_M_S,
@@ -30,6 +30,7 @@ from kb.model.cell import (
     Zone,
 )
 from kb.model.shapes import Sphere
+from kb.targets import CELL_FILE
 
 
 def load_cell(path: Path) -> Cell:
@@ -38,6 +39,15 @@ def load_cell(path: Path) -> Cell:
     cell = read_cell(path, findings)
     require(findings)
     return cell
+
+
+def cell_of(target: str) -> Cell:
+    """The cell beside the domain of a target. Raises `InvalidInput`."""
+    path = domain_of(target).with_name(CELL_FILE)
+    if not path.is_file():
+        hint = f"describe the cell in a {CELL_FILE} beside the domain"
+        raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"there is no {CELL_FILE}", hint)])
+    return load_cell(path)
 
 
 def read_cell(path: Path, findings: Findings) -> Cell:
@@ -128,6 +138,8 @@ class _CellReader:
                 node.where, "K005", "an arm needs one description", "give `model` or `urdf`"
             )
         if urdf is not None:
+            from kb.loader.urdf import read_urdf  # slow to import, and few cells need it
+
             return read_urdf(urdf, node, self.read)
         if model is None:
             return Arm("", ())

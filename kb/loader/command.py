@@ -1,6 +1,5 @@
 """The `command:` of a problem file: a command in words instead of goals and a workflow."""
 
-from kb.commands import understand
 from kb.diagnostics import InvalidInput, errors
 from kb.loader.reader import Reader
 from kb.model.problem import Problem
@@ -18,6 +17,8 @@ def commanded(problem: Problem, reader: Reader) -> Problem:
         )
     if errors(reader.findings.diagnostics):
         return problem  # while the domain or the objects have errors, the words cannot be understood
+    from kb.commands import understand  # slow to import, and few problems have a command
+
     try:
         return understand(problem, node.value, node.place)
     except InvalidInput as error:

@@ -7,10 +7,11 @@ from kb.graphs import components
 from kb.loader.names import Names
 from kb.loader.reader import Reader
 from kb.loader.tree import Node
-from kb.model.domain import BUILT_IN_TYPES, OBJECT, FunctionSignature, Kind, Predicate, Type
+from kb.model.domain import BUILT_IN_TYPES, OBJECT, FunctionSignature, Kind, Predicate, Quantity, Type
 from kb.terms import Function
 
 KINDS = {"statics": Kind.STATIC, "derived": Kind.DERIVED, "fluents": Kind.FLUENT, "events": Kind.EVENT}
+LARGEST = 2**31 - 1
 TERM = "term"  # the parent of a type whose values are only compound terms
 
 
@@ -20,6 +21,7 @@ def read_declarations(reader: Reader, names: Names) -> None:
     _read_functions(reader, names)
     read_objects(reader, names)
     _read_predicates(reader, names)
+    _read_quantities(reader, names)
 
 
 def _read_types(reader: Reader, names: Names) -> None:
@@ -180,6 +182,24 @@ def _read_predicates(reader: Reader, names: Names) -> None:
             names.predicates[signature.name] = Predicate(signature.name, arguments, kind, weight, key.where)
             if kind is Kind.DERIVED:
                 names.derived.append(signature.name)
+
+
+def _read_quantities(reader: Reader, names: Names) -> None:
+    """Declare each quantity as a fluent whose last argument is its value."""
+    for _, key, node in reader.entries("quantities"):
+        signature = _signature(reader, key, names)
+        if signature is None or not _is_new_predicate(names, signature, key):
+            continue
+        found = re.fullmatch(r"\s*(-?\d+)\s*\.\.\s*(-?\d+)\s*", str(node.value))
+        if found is None or not -LARGEST <= int(found[1]) <= int(found[2]) <= LARGEST:
+            message = f"'{node.value}' is no range of whole numbers"
+            names.findings.add(node.where, "K113", message, "write the least and the greatest value: 0..5000")
+            names.broken.add(signature.name)
+            continue
+        arguments = (*(str(argument) for argument in signature.arguments), "int")
+        name = signature.name
+        names.predicates[name] = Predicate(name, arguments, Kind.FLUENT, None, key.where)
+        names.quantities[name] = Quantity(name, int(found[1]), int(found[2]), key.where)
 
 
 def _is_new_predicate(names: Names, signature: Function, key: Node) -> bool:

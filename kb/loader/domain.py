@@ -55,6 +55,7 @@ def read_domain(path: Path, findings: Findings, rewrite: Rewrite = as_written) -
         phrases=tuple(_phrases(reader)),
         path=str(path),
         renamed=read_conventions(reader, names),
+        quantities=names.quantities,
         tools=tuple(dict.fromkeys(str(node.value) for node in reader.items("tools"))) or TOOLS,
     )
     for found in check_phrases(domain, reader.place_under("commands")):

@@ -279,7 +279,7 @@ def check_aggregate(aggregate: Aggregate, expression: Expression, names: Names) 
             hint = nearest(name, names.predicates)
             names.findings.add(where, "K101", f"unknown predicate '{name}'", hint)
         elif predicate and predicate.kind is not Kind.STATIC:
-            hint = "aggregates can only count statics"
+            hint = "let a rule count it: `crowded :- #count { T : at(T, rack) } > 2.`, with `crowded` under `derived:`"
             names.findings.add(
                 where, "K108", f"'{name}' can change, so it cannot be used in an aggregate", hint
             )

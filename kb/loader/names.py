@@ -6,7 +6,16 @@ from dataclasses import dataclass, field
 
 from kb.diagnostics import Source, unknown_name
 from kb.loader.reader import Expression, Findings
-from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, FunctionSignature, Kind, Predicate, Type
+from kb.model.domain import (
+    BUILT_IN_TYPES,
+    OBJECT,
+    UNLISTED,
+    FunctionSignature,
+    Kind,
+    Predicate,
+    Quantity,
+    Type,
+)
 from kb.terms import Atom, Function
 
 
@@ -21,6 +30,7 @@ class Names:
     predicates: dict[str, Predicate] = field(default_factory=dict)
     term_types: set[str] = field(default_factory=set)  # declared with the parent `term`
     closed_lists: set[str] = field(default_factory=set)
+    quantities: dict[str, Quantity] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)  # declared with an error that is already reported
     missing: set[str] = field(
         default_factory=set
@@ -107,9 +117,6 @@ class Names:
         else:
             return predicate
         return None
-
-
-UNLISTED = (*NUMERIC_TYPES, "text")  # types whose values cannot be enumerated
 
 
 def miscounted(term: Function, expected: int) -> str:

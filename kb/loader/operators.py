@@ -8,11 +8,13 @@ from kb.loader.counted import Counted
 from kb.loader.inference import Typing, scoped
 from kb.loader.measures import MeasureReader
 from kb.loader.names import Names
+from kb.loader.numeric import Changes, with_values
+from kb.loader.quantities import child
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
-from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
-from kb.model.domain import Command, Effect, Kind, Operator
-from kb.terms import ANYTHING, Function, Term, Variable, variables
+from kb.model.conditions import And, Condition, Parameter, free_variables, goal_parts
+from kb.model.domain import Command, Effect, Kind, Look, Operator
+from kb.terms import ANYTHING, Atom, Function, Term, Variable, variables
 
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
@@ -55,6 +57,7 @@ class _OperatorReader:
         self.typing = Typing(names)
         self.fields: dict[str, Expression | None] = {}
         self.measures = MeasureReader(reader, names, self.path)
+        self.changes = Changes(reader, names, self.path)
 
     def read(self) -> Operator:
         for name, start in _FIELDS.items():
@@ -62,9 +65,11 @@ class _OperatorReader:
             if self.fields[name] is None and self.reader.text(*self.path, name):
                 self.typing.sound = False
         if expression := self.fields["preconditions"]:
-            self.fields["preconditions"] = scoped(expression, self.header.value.arguments)
+            scope = scoped(with_values(expression, self.names), self.header.value.arguments)
+            self.fields["preconditions"] = scope
         self._infer()
         self._refuse_strangers()
+        self._refuse_strange_changes()
         parameters = self.typing.parameters(dict.fromkeys(self.header.value.arguments), self.header)
         self._refuse_unbound(parameters)
         operator = Operator(
@@ -72,11 +77,12 @@ class _OperatorReader:
             parameters,
             self._condition("preconditions"),
             tuple(self._effects(parameters)),
-            body=self._value("where", ()),
+            body=(*self._value("where", ()), *self.changes.apart()),
             resources=self._resources(),
             duration=self._value("duration", None),
             cost=self._value("cost", None),
             command=self._command(),
+            online=tuple(self._online()),
             where=self.header.node.where,
         )
         self._warn(operator)
@@ -104,6 +110,7 @@ class _OperatorReader:
         command = operator.command
         said = [command.stream, command.reply, command.result] if command else []
         said += [each.value for each in self.measures.given.values()]
+        said += [each.fact for each in operator.online]
         counted = occurrences([self.header.value, *standing, *effects, *said])
         if where := self.fields["where"]:
             inner = [v for part in where.value for v in free_variables(part) if v not in operator.variables]
@@ -132,7 +139,18 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 Counted(self.names, self.typing, name, type_, expression).check()
         self.measures.infer(self.typing)
+        self.changes.infer(self.typing)
+        self._infer_from_events()
         self._check_header()
+
+    def _infer_from_events(self) -> None:
+        """Narrow the types of the header's variables by the events in conditional effects, where nothing else does."""
+        for atom in self._added_under_conditions():
+            predicate = self.names.predicates.get(atom.name)
+            if predicate is not None and predicate.kind is Kind.EVENT:
+                for argument, type_ in zip(atom.arguments, predicate.arguments, strict=False):
+                    if isinstance(argument, Variable) and argument in self.header.value.arguments:
+                        self.typing.weak.setdefault(argument, type_)
 
     def _check_header(self) -> None:
         header = self.header.value.arguments
@@ -158,12 +176,22 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 refuse_anything(expression, name, self.names)
 
+    def _refuse_strange_changes(self) -> None:
+        """Report variables in changes of quantities that are not in the header."""
+        known = self.header.value.arguments
+        for variable, expression in self.changes.variables:
+            if variable not in known:
+                message = f"the variable {variable} is not in the header"
+                hint = f"add it to the header {self.header.value}"
+                self.names.findings.add(expression.place(variable), "K105", message, hint)
+                self.typing.sound = False
+
     def _refuse_unbound(self, parameters: tuple[Parameter, ...]) -> None:
         """Report numbers, times and texts without a value, and unbound variables that only occur in `where:`."""
         body, precondition = self._value("where", ()), self._value("preconditions", ())
         events = [
             atom
-            for atom in self._value("adds", ())
+            for atom in (*self._value("adds", ()), *self._added_under_conditions())
             if (predicate := self.names.predicates.get(atom.name)) and predicate.kind is Kind.EVENT
         ]
         given = extended(parameters) | {v for atom in events for v in variables(atom)}
@@ -177,21 +205,24 @@ class _OperatorReader:
 
     def _condition(self, name: str) -> Condition:
         expression = self.fields[name]
+        more = self.changes.conditions()
         if expression is None:
-            return TRUE
-        return self.typing.quantified(And(expression.value), expression)
+            return And(tuple(more))
+        found = self.typing.quantified(And(expression.value), expression)
+        return And((*goal_parts(found), *more)) if more else found
 
     def _effects(self, parameters: tuple[Parameter, ...]) -> Iterable[Effect]:
         for name in ("adds", "deletes"):
             yield from (Effect(atom, name == "adds") for atom in self._value(name, ()))
         for index, _ in enumerate(self.reader.items(*self.path, "effects")):
             yield from self._conditional(index, parameters)
+        yield from self.changes.effects()
 
     def _conditional(self, index: int, parameters: tuple[Parameter, ...]) -> Iterable[Effect]:
         when = self.reader.expression("conditions", *self.path, "effects", index, "when")
         if when is None:
             return
-        when = scoped(when, self.header.value.arguments)
+        when = scoped(with_values(when, self.names), self.header.value.arguments)
         typing = self.typing.nested()
         typing.condition(And(when.value), when, READABLE)
         changes = {
@@ -202,7 +233,7 @@ class _OperatorReader:
             if changed:
                 refuse_anything(changed, name, self.names)
                 for atom in changed.value:
-                    typing.atom(atom, changed, (Kind.FLUENT,))
+                    typing.atom(atom, changed, _CHANGES[name])
         if not any(changes.values()):
             hint = "say what it `adds` or `deletes`"
             self.names.findings.add(when.node.where, "K114", "this effect changes nothing", hint)
@@ -216,6 +247,27 @@ class _OperatorReader:
                 bound = closed(extended(own) | known, when.value)
                 refuse_unbound(local, bound, when, self.names, "use it in an atom of `when:`")
                 yield Effect(atom, name == "adds", own, condition)
+
+    def _online(self) -> Iterable[Look]:
+        """What is looked at when a step is carried out: one fact that its arguments determine."""
+        for index, node in enumerate(self.reader.items(*self.path, "online")):
+            said = self.reader.expression("atoms", *self.path, "online", index, "fact")
+            if said is None:
+                continue
+            strangers = [v for v in variables(said.value[0]) if v not in self.header.value.arguments]
+            if strangers or len(said.value) > 1:
+                message = f"`online` looks at one fact about the variables of {self.header.value}"
+                hint = "write an entry for each fact"
+                self.names.findings.add(said.node.where, "K105", message, hint)
+                continue
+            self.typing.nested().atom(said.value[0], said, READABLE)
+            during = child(node, "during")
+            yield Look(said.value[0], during is not None and during.value == "true")
+
+    def _added_under_conditions(self) -> Iterable[Atom]:
+        for index, _ in enumerate(self.reader.items(*self.path, "effects")):
+            added = self.reader.expression("atoms", *self.path, "effects", index, "adds")
+            yield from added.value if added else ()
 
     def _command(self) -> Command | None:
         read = {

@@ -8,6 +8,7 @@ from kb.loader.command import commanded
 from kb.loader.declarations import read_objects
 from kb.loader.inference import Typing, has_arithmetic, scoped
 from kb.loader.names import Names
+from kb.loader.numeric import with_values
 from kb.loader.operators import READABLE
 from kb.loader.reader import Expression, Findings, Reader
 from kb.loader.tree import Node
@@ -104,7 +105,7 @@ def _goal(reader: Reader, names: Names) -> Condition:
 def goal_condition(expression: Expression, names: Names) -> Condition:
     """A parsed goal, checked and typed. Its variables and `_` mean "some"."""
     typing = Typing(names)
-    expression = scoped(expression, ())
+    expression = scoped(with_values(expression, names), ())
     condition = And(expression.value)
     typing.condition(condition, expression, READABLE)
     for variable in free_variables(condition):

@@ -205,7 +205,9 @@ def _rule(parsed: ParsedStatement, name: str, where: Source, names: Names) -> It
         try:
             yield Rule(*compiled(parsed.tree), where)
         except NotCompilable as error:
-            hint = "a rule over fluents can contain only atoms, comparisons and `not`"
+            hint = (
+                "a rule over fluents can contain only atoms, comparisons, `not`, #count, #sum, #min and #max"
+            )
             message = f"this rule reads fluents and cannot be compiled, because of '{error}'"
             names.findings.add(where, "K202", message, hint)
 

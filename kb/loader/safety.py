@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 
 from kb.diagnostics import nearest
-from kb.loader.names import UNLISTED, Names
+from kb.loader.names import Names
 from kb.loader.reader import Expression
 from kb.model.conditions import (
     Aggregate,
@@ -20,6 +20,7 @@ from kb.model.conditions import (
     free_variables,
     part_variables,
 )
+from kb.model.domain import UNLISTED
 from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
 
 

@@ -6,7 +6,7 @@ After that, arithmetic occurs only in comparisons, and the search for bindings c
 import itertools
 from dataclasses import replace
 
-from kb.model.conditions import Body, BodyPart, Comparison, Literal
+from kb.model.conditions import Body, BodyPart, Comparison, Element, Literal, StateAggregate
 from kb.model.domain import Domain, Rule
 from kb.terms import Atom, Function, Operation, Term, Variable
 
@@ -53,8 +53,18 @@ class _Naming:
                 return Literal(self._atom(atom), positive)
             case Comparison(left, relation, right):
                 return Comparison(self._side(left), relation, self._side(right))
+            case StateAggregate(elements=elements):
+                return replace(part, elements=tuple(map(self._element, elements)))
             case _:
                 return part
+
+    def _element(self, element: Element) -> Element:
+        """What an aggregate collects; the equations for its computed values are its own."""
+        outside, self._equations = self._equations, []
+        parts = tuple(map(self._part, element.body))
+        plain = tuple(part for part in parts if isinstance(part, Literal | Comparison))
+        found, self._equations = self._equations, outside
+        return Element(element.terms, (*plain, *found))
 
     def _side(self, term: Term) -> Term:
         return term if isinstance(term, Operation) else self._term(term)

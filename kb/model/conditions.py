@@ -63,7 +63,43 @@ class Aggregate:
         return self.text
 
 
-BodyPart = Literal | Comparison | Aggregate
+MIRRORED = {"=": "=", "!=": "!=", "<": ">", "<=": ">=", ">": "<", ">=": "<="}  # with the sides exchanged
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """What an aggregate collects: the tuple of `terms`, for every binding that satisfies `body`."""
+
+    terms: tuple[Term, ...]
+    body: tuple[Literal | Comparison, ...]
+
+    def __str__(self) -> str:
+        return f"{', '.join(map(str, self.terms))} : {', '.join(map(str, self.body))}"
+
+
+@dataclass(frozen=True, slots=True)
+class StateAggregate:
+    """An ASP aggregate over what can change, in a rule: the `function` of a set of tuples, compared with the guards.
+
+    Each guard is (relation, term): the value stands left of the relation. `outer` are its variables that occur outside its
+    braces. It must be true if `positive`, else false.
+    """
+
+    function: str  # count sum min max
+    elements: tuple[Element, ...]
+    guards: tuple[tuple[str, Term], ...]
+    outer: tuple[Variable, ...]
+    positive: bool = True
+
+    def __str__(self) -> str:
+        *left, (relation, term) = self.guards
+        said = f"#{self.function} {{ {'; '.join(map(str, self.elements))} }} {relation} {term}"
+        for relation, term in left:
+            said = f"{term} {MIRRORED[relation]} {said}"
+        return said if self.positive else f"not {said}"
+
+
+BodyPart = Literal | Comparison | Aggregate | StateAggregate
 Body = tuple[BodyPart, ...]
 
 
@@ -125,7 +161,7 @@ class ForAll:
                 return f"every {', '.join(map(str, self.parameters))} ({self.part})"
 
 
-Condition = Literal | Comparison | Aggregate | And | Or | Not | Exists | ForAll
+Condition = Literal | Comparison | Aggregate | StateAggregate | And | Or | Not | Exists | ForAll
 
 TRUE = And(())
 
@@ -147,6 +183,8 @@ def conditions(condition: Condition) -> Iterator[Condition]:
                 yield from conditions(part)
         case Not(part) | Exists(_, part) | ForAll(_, part):
             yield from conditions(part)
+        case StateAggregate(_, elements):
+            yield from (part for each in elements for part in each.body)
         case _:
             return
 
@@ -176,24 +214,51 @@ def part_variables(part: BodyPart) -> Iterator[Variable]:
         case Comparison(left, _, right):
             yield from variables(left)
             yield from variables(right)
-        case Aggregate(outer=outer):
+        case Aggregate(outer=outer) | StateAggregate(outer=outer):
             yield from outer
 
 
 def substitute_part(part: BodyPart, bindings: Substitution) -> BodyPart:
-    """A part of a body with its variables replaced."""
+    """A part of a body with its variables replaced; the same part if nothing is replaced."""
     match part:
         case Literal(atom, positive):
-            return Literal(substitute_atom(atom, bindings), positive)
+            made = substitute_atom(atom, bindings)
+            return part if made is atom else Literal(made, positive)
         case Comparison(left, relation, right):
             return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
         case Aggregate():
             return part
+        case StateAggregate():
+            return _substituted(part, bindings)
+
+
+def _substituted(aggregate: StateAggregate, bindings: Substitution) -> StateAggregate:
+    """An aggregate with its outer variables replaced."""
+    own = {variable: term for variable, term in bindings.items() if variable in aggregate.outer}
+    return StateAggregate(
+        aggregate.function,
+        tuple(
+            Element(
+                tuple(substitute(term, own) for term in each.terms),
+                tuple(_inner(part, own) for part in each.body),
+            )
+            for each in aggregate.elements
+        ),
+        tuple((relation, substitute(term, own)) for relation, term in aggregate.guards),
+        tuple(dict.fromkeys(v for each in aggregate.outer for v in variables(substitute(each, own)))),
+        aggregate.positive,
+    )
+
+
+def _inner(part: Literal | Comparison, bindings: Substitution) -> Literal | Comparison:
+    if isinstance(part, Literal):
+        return Literal(substitute_atom(part.atom, bindings), part.positive)
+    return Comparison(substitute(part.left, bindings), part.relation, substitute(part.right, bindings))
 
 
 def _free(condition: Condition) -> Iterator[Variable]:
     match condition:
-        case Literal() | Comparison() | Aggregate():
+        case Literal() | Comparison() | Aggregate() | StateAggregate():
             yield from part_variables(condition)
         case And(parts) | Or(parts):
             for part in parts:
@@ -208,7 +273,7 @@ def _free(condition: Condition) -> Iterator[Variable]:
 def bind(condition: Condition, bindings: Substitution) -> Condition:
     """The condition with free variables replaced. A quantified variable hides a binding of the same name."""
     match condition:
-        case Literal() | Comparison() | Aggregate():
+        case Literal() | Comparison() | Aggregate() | StateAggregate():
             return substitute_part(condition, bindings)
         case And(parts) | Or(parts):
             return type(condition)(tuple(bind(part, bindings) for part in parts))

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from kb.diagnostics import NOWHERE, Source
-from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter
+from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter, StateAggregate
 from kb.model.statement import Statement
 from kb.terms import Atom, Function, Term, Variable
 
@@ -18,6 +19,7 @@ TOOLS = ("sequencer", "library", "planner", "scheduler", "diagnosis")  # of the 
 OBJECT = "object"
 NUMERIC_TYPES = ("int", "time")
 BUILT_IN_TYPES = (OBJECT, *NUMERIC_TYPES, "text")
+UNLISTED = (*NUMERIC_TYPES, "text")  # types whose values cannot be enumerated
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,16 @@ class Predicate:
     arguments: tuple[str, ...]
     kind: Kind
     weight: int | None = None
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number that operators change: a fluent whose last argument is its value, from `low` to `high`."""
+
+    name: str
+    low: int
+    high: int
     where: Source = field(default=NOWHERE, compare=False)
 
 
@@ -103,6 +115,14 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
+class Look:
+    """A fact that is looked at in the cell itself when a step begins; also while it lasts if it has to hold `during` it."""
+
+    fact: Atom
+    during: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Operator:
     """A static operator. `where` is a body over statics whose variables outside `parameters` are existential."""
 
@@ -115,6 +135,7 @@ class Operator:
     duration: Term | None = None
     cost: Term | None = None
     command: Command | None = None
+    online: tuple[Look, ...] = ()
     where: Source = field(default=NOWHERE, compare=False)
 
     @property
@@ -188,6 +209,13 @@ class Phrase:
     where: Source = field(default=NOWHERE, compare=False)
 
 
+@lru_cache(maxsize=64)
+def _conventions(renamed: tuple[tuple[str, str], ...]) -> "Conventions":
+    from kb.model.conventions import Conventions  # only measurements and schedules use them
+
+    return Conventions(**dict(renamed))
+
+
 @dataclass(frozen=True, slots=True)
 class Domain:
     """One kind of cell. Mappings keep the order of declaration."""
@@ -210,14 +238,18 @@ class Domain:
     renamed: Mapping[str, str] = field(
         default_factory=dict
     )  # roles of conventions: their names in this domain
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
     tools: tuple[str, ...] = TOOLS  # what a run plans with, the preferred ones first
 
     @property
     def conventions(self) -> "Conventions":
         """This domain's names for the conventions of the engine."""
-        from kb.model.conventions import Conventions  # only measurements and schedules use them
+        return _conventions(tuple(self.renamed.items()))
 
-        return Conventions(**self.renamed)
+    @property
+    def counts_fluents(self) -> bool:
+        """Whether a rule has an aggregate over what can change."""
+        return any(isinstance(part, StateAggregate) for rule in self.rules for part in rule.body)
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
         """Whether type `name` is `ancestor` or below it.

@@ -6,7 +6,7 @@ from pydantic import Field
 from pydantic.config import JsonDict
 
 from kb.model.conventions import CONVENTIONS
-from kb.schema.shapes import Expression, Names, Strict, VariableTypes, WholeNumber
+from kb.schema.shapes import Expression, Names, Strict, Truth, VariableTypes, WholeNumber
 
 
 class StaticEntry(Strict):
@@ -81,6 +81,15 @@ class CommandEntry(Strict):
     )
 
 
+class OnlineEntry(Strict):
+    """A condition that is looked at in the cell itself when a step is carried out, not in the model."""
+
+    fact: Expression = Field(
+        description="what has to be so when the step begins: a joint state, a reading: shows(grip_width, on_probe)"
+    )
+    during: Truth = Field(False, description="true: it has to stay so until the step ends")
+
+
 class EffectEntry(Strict):
     """A conditional effect; variables that are not in the header range over all values."""
 
@@ -105,6 +114,15 @@ class OperatorEntry(Strict):
     )
     deletes: Expression | None = Field(None, description="explicit deletes; deletes come before adds")
     effects: list[EffectEntry] = Field(default_factory=list, description="conditional effects")
+    increase: dict[str, str | int] = Field(
+        default_factory=dict, description="by how much quantities rise: volume(Bottle): Amount"
+    )
+    decrease: dict[str, str | int] = Field(
+        default_factory=dict, description="by how much quantities fall: volume(Bottle): Amount"
+    )
+    assign: dict[str, str | int] = Field(
+        default_factory=dict, description="what quantities become: volume(Bottle): 5000"
+    )
     resources: Expression | None = Field(
         None, description="what the step occupies while it lasts: steps with a common resource never overlap"
     )
@@ -117,6 +135,10 @@ class OperatorEntry(Strict):
         description="a number, a variable, a static such as weight(Tool), or arithmetic; 1 when left out",
     )
     command: CommandEntry | None = Field(None, description="the command that the executive sends")
+    online: list[OnlineEntry] = Field(
+        default_factory=list,
+        description="what is looked at in the cell when a step begins, and while it lasts",
+    )
 
 
 class DeductiveEntry(Strict):
@@ -195,6 +217,10 @@ class DomainFile(Strict):
     events: dict[str, FluentEntry | None] = Field(
         default_factory=dict,
         description="facts that form a history: they are added once per workflow stage and never denied",
+    )
+    quantities: dict[str, str] = Field(
+        default_factory=dict,
+        description="whole numbers that operators change, with their least and greatest value: volume(bottle): 0..5000",
     )
     defaults: list[Expression] = Field(
         default_factory=list,

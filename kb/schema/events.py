@@ -50,7 +50,7 @@ class PlanEvent(_Event):
     """A plan, which replaces all steps that have not begun."""
 
     kind: Literal["plan"] = Field(description="what happened")
-    why: str = Field(description="first, recovery, reschedule, or the order that asked for it")
+    why: str = Field(description="first, recovery, reschedule, choice, or the order that asked for it")
     steps: list[PlannedStep] = Field(description="its steps")
     forecast_ms: int = Field(description="the forecast of its end")
     goals: list[str] = Field(description="what it is for")
@@ -67,6 +67,8 @@ class CommandEvent(_Event):
     step: int | None = Field(None, description="the number of the step in the plan, if it is one")
     lasts_ms: int = Field(description="the forecast")
     timeout_ms: int | None = Field(None, description="when it is given up")
+    looks: list[str] = Field(default_factory=list, description="facts that the device looks at first")
+    watches: list[str] = Field(default_factory=list, description="facts that it looks at until the step ends")
 
 
 class ReplyEvent(_Event):

@@ -26,6 +26,7 @@ from kb.model.statement import Statement
 from kb.plain_terms import plain_terms
 from kb.syntax.checks import ExpressionError, check_brackets, check_size
 from kb.syntax.explanations import explained
+from kb.syntax.tables import MADE, parser, written
 from kb.terms import Function, Number, Operation, Term, Text, Variable, together, variables
 
 __all__ = ["SECONDS", "STARTS", "ExpressionError", "Parsed", "ReadAggregate", "parse", "unit_seconds"]
@@ -188,8 +189,12 @@ def _digits(text: str) -> str:
 
 @functools.cache
 def _grammar() -> Lark:
-    text = GRAMMAR.read_text("utf-8")
-    return Lark(text, parser="lalr", start=STARTS, maybe_placeholders=True)
+    return parser(GRAMMAR, STARTS)
+
+
+def write_tables() -> None:
+    """Make the tables of the grammar anew, and keep them beside it."""
+    MADE.write_text(written(GRAMMAR.read_text("utf-8"), STARTS), "utf-8")
 
 
 def parse(start: str, text: str, time_unit: str = "s", read_aggregate: ReadAggregate | None = None) -> Parsed:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine.pipelines.witness.model import written
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.world.model import World
+from kb.loader.cell import cell_of
 
 SETTLING = 150  # steps of the engine
 

@@ -5,7 +5,21 @@ import pickle
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.terms import ANYTHING, Function, Number, Term, Variable, is_ground, match, resolve, substitute, unify
+from kb.terms import (
+    ANYTHING,
+    Function,
+    Number,
+    Operation,
+    Term,
+    Variable,
+    is_ground,
+    match,
+    resolve,
+    substitute,
+    substitute_atom,
+    unify,
+    variables,
+)
 
 leaves = st.one_of(
     st.integers(-9, 9).map(Number),
@@ -16,6 +30,14 @@ terms = st.recursive(
     leaves, lambda inner: st.builds(Function, st.sampled_from("fg"), st.tuples(inner, inner)), max_leaves=6
 )
 ground_terms = terms.filter(is_ground)
+sums = st.recursive(
+    leaves,
+    lambda inner: (
+        st.builds(Operation, st.sampled_from("+*"), inner, inner)
+        | st.builds(Function, st.sampled_from("fg"), st.tuples(inner, inner))
+    ),
+    max_leaves=6,
+)
 
 
 @given(
@@ -62,3 +84,18 @@ def test_a_term_in_which_nothing_is_replaced_stays_the_same_one(
 ) -> None:
     replaced = substitute(term, bindings)
     assert (replaced is term) == (replaced == term)
+
+
+@given(sums)
+def test_a_term_is_ground_if_it_has_no_variable(term: Term) -> None:
+    assert is_ground(term) == is_ground(term) == (next(variables(term), None) is None)
+
+
+@given(terms, st.dictionaries(st.sampled_from([Variable(name) for name in "XYZ"]), ground_terms))
+def test_an_atom_in_which_nothing_is_replaced_stays_itself(
+    term: Term, bindings: dict[Variable, Term]
+) -> None:
+    atom = Function("p", (term, Number(1)))
+    made = substitute_atom(atom, bindings)
+    assert (made is atom) == bindings.keys().isdisjoint(variables(atom))
+    assert is_ground(made) == (set(variables(atom)) <= bindings.keys())

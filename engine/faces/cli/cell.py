@@ -102,13 +102,14 @@ def _show(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.pipelines import planning
+    from engine.pipelines.files import initial_facts
     from engine.plugins import geometry_backend
     from engine.stages.geometry.pictures import view
     from kb.diagnostics import escaped
+    from kb.loader.cell import cell_of
 
-    facts = planning.initial_facts(target)
-    shown = view.view_of(view.cell_of(target), geometry_backend(), configurations, place, facts)
+    facts = initial_facts(target)
+    shown = view.view_of(cell_of(target), geometry_backend(), configurations, place, facts)
     content, said = view.content(shown), view.text(shown)
     drawn = _drawn(shown, kind, seen)
     if drawn is None:

@@ -10,7 +10,7 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
-from engine.faces.cli.options import Seed, Target, number, refuse_idle
+from engine.faces.cli.options import Format, Seed, Target, number, refuse_idle
 
 if TYPE_CHECKING:
     from engine.pipelines.motion.moving import Motion, Wish
@@ -176,6 +176,59 @@ def motion_travel(
 
     form = Form.JSON if format is TableForm.JSON else Form.TEXT
     give(lambda: table(target, tool, tuple(place or ()), format is TableForm.FACTS), form)
+
+
+@app.command("play")
+def motion_play(
+    target: Annotated[str, typer.Argument(help="what `plan` takes; leave it out with --run")] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="FILE.gltf for a scene that moves, FILE.png for numbered pictures"
+        ),
+    ] = None,
+    run: Annotated[str, typer.Option("--run", help="play this run from its journal")] = "",
+    store: Annotated[
+        str,
+        typer.Option(
+            "--store", envvar="CELLWRIGHT_STORE", help="with --run: the journal; else where poses are kept"
+        ),
+    ] = "",
+    every: Annotated[
+        float,
+        typer.Option(
+            "--every",
+            min=0,
+            max=3600,
+            callback=number,
+            help="seconds between two shots; 0: 0.1, or 1 for pictures",
+        ),
+    ] = 0.0,
+    azimuth: Azimuth = -140.0,
+    elevation: Elevation = 30.0,
+    seed: Seed = 0,
+    format: Format = Form.TEXT,
+) -> None:
+    """Write a film of the plan of TARGET, or of a run, with everything that moves."""
+    if bool(target) == bool(run):
+        raise typer.BadParameter("give a target, or a run with --run")
+    if output is None or output.suffix not in (".gltf", ".png"):
+        raise typer.BadParameter("give -o FILE.gltf or -o FILE.png")
+    seen, pace = (
+        (math.radians(azimuth), math.radians(elevation)),
+        every or (1.0 if output.suffix == ".png" else 0.1),
+    )
+    file = output
+
+    def played() -> Answer:
+        from engine.faces.cli import motion_play as films
+        from engine.faces.cli.run import default_store
+
+        if run:
+            return films.film_of_run(run, store or default_store(), seed, file, pace, seen)
+        return films.film_of_plan(target, seed, store, file, pace, seen)
+
+    give(played, format)
 
 
 def _planned(

@@ -24,7 +24,11 @@ Said = Annotated[
 ]
 Where = Annotated[str, typer.Option("--store", help="the journal of RUN, if runs in several have its name")]
 Words = Annotated[
-    str, typer.Argument(metavar="COMMAND", help="a further command, in the words of the domain")
+    str,
+    typer.Argument(
+        metavar="COMMAND",
+        help="a further command, in the words of the domain; due(OBJECT, TIME) and priority(OBJECT, NUMBER) behind a ;",
+    ),
 ]
 
 
@@ -79,7 +83,7 @@ def answer(run: RunName, text: Said = "", store: Where = "", format: Format = Fo
 
 
 def add(run: RunName, command: Words, store: Where = "", format: Format = Form.TEXT) -> None:
-    """Give RUN a further command; it joins what is pursued."""
+    """Give RUN a further command, a due date or a priority; it joins what is pursued."""
     _tell(run, "add", command, "takes the command up", store, format)
 
 

@@ -245,7 +245,7 @@ def _moving(
     """The plan in which every step moves."""
     from engine.pipelines.poses.planning import plan_with_poses
     from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures.view import cell_of
+    from kb.loader.cell import cell_of
 
     found = plan_with_poses(problem, cell_of(target), geometry_backend(), planned, work.seed, work.store)
     return found.moving

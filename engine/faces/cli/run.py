@@ -17,6 +17,9 @@ from engine.faces.cli.watch import current
 if TYPE_CHECKING:
     from engine.model.execution import Finish, Record
     from engine.pipelines.execution.recorder import Watcher
+    from engine.pipelines.moves.planning import Moving
+    from engine.stages.planning import Limits
+    from kb.model.problem import Problem
 
 DriverName = Annotated[str, typer.Option("--driver", help="who carries out the commands: sim, or a plug-in")]
 Store = Annotated[
@@ -62,6 +65,12 @@ Watch = Annotated[
         help="show how the run goes: on a terminal with --factor a live display with keys, else plain lines",
     ),
 ]
+Motion = Annotated[
+    bool,
+    typer.Option(
+        "--motion", help="plan with the motion of the arm in every step, and the time that it takes"
+    ),
+]
 
 
 def run(
@@ -77,12 +86,13 @@ def run(
     approve: Approve = False,
     events: Events = "",
     watch: Watch = False,
+    motion: Motion = False,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
     format: Format = Form.TEXT,
 ) -> None:
     """Plan TARGET, carry the plan out, handle what goes wrong, and go on until the goals are reached."""
-    asked = Asked(target, goals, command, driver, store, name, factor, seed, approve, expansions)
+    asked = Asked(target, goals, command, driver, store, name, factor, seed, approve, expansions, motion)
     if events == "-" and format is Form.JSON:
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
     give(lambda: _run(asked, fault or [], option or [], events, watch), format)
@@ -102,6 +112,7 @@ class Asked:
     seed: int
     approve: bool
     expansions: int
+    motion: bool
 
 
 def default_store() -> str:
@@ -131,11 +142,28 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
         from engine.formats.report.narration import understood
 
         say("\n".join(understood(problem)) + "\n")
+    limits, table = Limits(asked.expansions, seed=asked.seed), None
+    if asked.motion:
+        moving = _moving(asked, problem, limits, wanted.store)
+        if moving.run.timetable is None:
+            return answer_of(moving.run.outcome, wanted.store, events == "-")
+        problem, table = moving.problem, moving.run.timetable
     with Watching(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
-        ending = begin(
-            wanted, problem, watch.channel, watch.watchers, Limits(asked.expansions, seed=asked.seed)
-        )
+        ending = begin(wanted, problem, watch.channel, watch.watchers, limits, table=table)
     return answer_of(ending, wanted.store, events == "-")
+
+
+def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "Moving":
+    """The plan in which every step moves. The poses of measurements are kept in the store."""
+    from engine.pipelines import objective
+    from engine.pipelines.poses.planning import plan_with_poses
+    from engine.plugins import geometry_backend
+    from engine.stages.geometry.pictures.view import cell_of
+
+    cell, backend = cell_of(asked.target), geometry_backend()
+    return plan_with_poses(
+        problem, cell, backend, lambda each: objective.plan(each, limits), asked.seed, store
+    ).moving
 
 
 def options_of(given: Sequence[str]) -> dict[str, str]:

@@ -163,8 +163,8 @@ def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]
     from engine.pipelines.inspection.poses import posed_tours
     from engine.pipelines.motion.driven import driven_tours
     from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures.view import cell_of
     from engine.stages.sequencing import Limits
+    from kb.loader.cell import cell_of
 
     problem, moving = _problem_of(target), cost is TravelCost.MOTION
     toured: Any = driven_tours if moving else posed_tours

@@ -68,23 +68,27 @@ def _validate_pddl(domain: Path, task: Path, made: Path) -> Answer:
 
 
 def _validate(file: Path, target: str) -> Answer:
-    from engine.pipelines import planning
+    from engine.pipelines.plan_files import claimed_in
 
-    own, plan, claims = planning.claimed_in(file)
-    return _judged(planning.problem_of(target) if target else own, plan, str(file), claims)
+    own, plan, claims = claimed_in(file)
+    if target:
+        from engine.pipelines.planning import problem_of  # slow to import
+
+        own = problem_of(target)
+    return _judged(own, plan, str(file), claims)
 
 
 def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None" = None) -> Answer:
     """The verdict of the checker. What it prints of the plan is computed from the steps, which are as the domain says."""
     from rich.text import Text
 
-    from engine.pipelines import planning
+    from engine.pipelines import plan_files
 
-    found = planning.check_plan(problem, plan, name, claims)
+    found = plan_files.check_plan(problem, plan, name, claims)
     if found:
         counts = {"steps": len(plan.steps), "links": len(plan.links)}
         return Answer("invalid", counts, code=FINDINGS, diagnostics=tuple(found))
-    last = planning.ending(plan, claims)
+    last = plan_files.ending(plan, claims)
     content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
     lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
     steps, links = counted(len(plan.steps), "step"), counted(len(plan.links), "causal link")

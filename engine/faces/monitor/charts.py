@@ -1,6 +1,6 @@
 """Pictures of a run as SVG: its steps over time with a line at now, and values beside their limits."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
@@ -9,25 +9,30 @@ from engine.formats.report.execution import duration
 from engine.formats.report.standing import Bar
 
 WIDTH, LEFT, HEIGHT, GAP = 1000, 170, 20, 6
+MOST_BARS = 300  # that are drawn; of more, those nearest to now
 LOOKS = {  # fill, and the sign that a step has beside its colour
     "planned": ("#b9c0cc", ""),
     "running": ("#e0a100", "▶"),
     "done": ("#2f8f4e", "✓"),
     "failed": ("#c8321f", "✗"),
 }
+INK = {"planned": "#1b1b1b", "running": "#1b1b1b", "done": "#ffffff", "failed": "#ffffff"}
 STYLE = """
+  .planned .bar { stroke: #5a6270; stroke-dasharray: 3 2; } .step:focus .bar { stroke: #1f6fb5; stroke-width: 2.5; }
   .bar { cursor: pointer; } .chosen { stroke: #1b1b1b; stroke-width: 2.5; }
   .text { fill: #1b1b1b; } .now { stroke: #1f6fb5; } .grid { stroke: #c8ccd4; }
   .body--dark .text { fill: #e8e8e8; } .body--dark .chosen { stroke: #ffffff; } .body--dark .grid { stroke: #444a55; }
 """
 
 
-def gantt(run: Watched, now_ms: int, chosen: str = "") -> str:
+def gantt(run: Watched, now_ms: int, chosen: Collection[str] = ()) -> str:
     """The steps of all plans, a lane for each device, with a line at now. The step `chosen` has a rim."""
-    bars = [*run.past, *run.bars.values()]
+    bars = _near(run, now_ms)
     streams = list(dict.fromkeys(each.stream for each in bars))
-    last = max([1, now_ms, run.end_ms, *(each.start_ms + each.lasts_ms for each in bars)])
-    scale = (WIDTH - LEFT - 10) / last
+    first = min((each.start_ms for each in bars), default=0) if len(bars) == MOST_BARS else 0
+    ends = [each.start_ms + each.lasts_ms for each in bars]
+    last = max([first + 1, *([now_ms, run.end_ms] if not first else []), *ends])
+    scale = (WIDTH - LEFT - 10) / (last - first)
     height = (len(streams) + 1) * (HEIGHT + GAP) + 10
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="100%" role="img" '
@@ -36,8 +41,8 @@ def gantt(run: Watched, now_ms: int, chosen: str = "") -> str:
     for row, stream in enumerate(streams):
         y = row * (HEIGHT + GAP) + 4
         lines.append(f'<text class="text" x="4" y="{y + 14}">{escape(stream[:22])}</text>')
-        lines += [_bar(each, y, scale, chosen) for each in bars if each.stream == stream]
-    x, bottom = LEFT + now_ms * scale, height - HEIGHT
+        lines += [_bar(each, y, (first, scale), chosen) for each in bars if each.stream == stream]
+    x, bottom = LEFT + min(now_ms - first, last - first) * scale, height - HEIGHT
     lines.append(
         f'<line class="now" x1="{x:.1f}" y1="0" x2="{x:.1f}" y2="{bottom}" stroke-dasharray="4 3" stroke-width="2"/>'
     )
@@ -48,16 +53,28 @@ def gantt(run: Watched, now_ms: int, chosen: str = "") -> str:
     return "\n".join(lines)
 
 
-def _bar(bar: Bar, y: int, scale: float, chosen: str) -> str:
+def _near(run: Watched, now_ms: int) -> list[Bar]:
+    """The bars that are drawn: all, or of very many those that are nearest to now."""
+    bars = [*run.past, *run.bars.values()]
+    if len(bars) <= MOST_BARS:
+        return bars
+    near = sorted(range(len(bars)), key=lambda n: abs(bars[n].start_ms - now_ms))[:MOST_BARS]
+    return [bars[n] for n in sorted(near)]
+
+
+def _bar(bar: Bar, y: int, axis: tuple[int, float], chosen: Collection[str]) -> str:
     fill, sign = LOOKS[bar.standing]
-    x, width = LEFT + bar.start_ms * scale, max(1.0, bar.lasts_ms * scale)
-    rim = " chosen" if bar.step == chosen else ""
+    first, scale = axis
+    x, width = LEFT + (bar.start_ms - first) * scale, max(1.0, bar.lasts_ms * scale)
+    rim = " chosen" if bar.step in chosen else ""
     said = f"{bar.step}: {bar.standing}, {duration(bar.start_ms)} to {duration(bar.start_ms + bar.lasts_ms)}"
-    name = f"{sign} {bar.step}".strip() if width > 7.3 * (len(bar.step) + 2) else sign if width > 12 else ""
+    whole = width > 7.3 * (len(bar.step) + 2)
+    striking = width > 12 or bar.standing in ("failed", "running")
+    name = f"{sign} {bar.step}".strip() if whole else sign if striking else ""
     return (
-        f'<g class="step" data-step={quoteattr(bar.step)}><title>{escape(said)}</title>'
+        f'<g class="step {bar.standing}" tabindex="0" role="button" data-step={quoteattr(bar.step)}><title>{escape(said)}</title>'
         f'<rect class="bar{rim}" x="{x:.1f}" y="{y}" width="{width:.1f}" height="{HEIGHT}" rx="2" fill="{fill}"/>'
-        f'<text x="{x + 3:.1f}" y="{y + 14}" fill="#ffffff" pointer-events="none">{escape(name)}</text></g>'
+        f'<text x="{x + 3:.1f}" y="{y + 14}" fill="{INK[bar.standing]}" pointer-events="none">{escape(name)}</text></g>'
     )
 
 
@@ -104,3 +121,43 @@ def _points(points: Sequence[tuple[float, float]], results: Sequence[dict[str, A
         )
         end = "</rect>" if passed is False else "</circle>"
         yield f"{mark}<title>{each['value']:g} {escape(str(each.get('unit', '')))}</title>{end}"
+
+
+SHARES = ("#1f6fb5", "#e0a100", "#2f8f4e", "#a040a0", "#c8321f", "#5a6270", "#7a5c2e", "#20a0a0")
+
+
+def belief_chart(findings: Sequence[dict[str, Any]]) -> str:
+    """How the belief in each cause goes from test to test: a row for each test, a bar for each cause, with its share."""
+    beliefs = [dict(each.get("belief") or each.get("causes") or ()) for each in findings]
+    last = {
+        cause: max(belief.get(cause, 0.0) for belief in beliefs) for belief in beliefs for cause in belief
+    }
+    causes = sorted(last, key=lambda cause: -last[cause])[: len(SHARES)]
+    height = 26 * len(beliefs) + 18 * len(causes) + 12
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 560 {height}" width="560" role="img" '
+        f'aria-label="beliefs" font-size="11"><style>{STYLE}</style>'
+    ]
+    for row, (each, belief) in enumerate(zip(findings, beliefs, strict=True)):
+        y, x = 26 * row + 4, 200.0
+        said = str(each.get("action") or "found").partition("(")[0]
+        lines.append(f'<text class="text" x="4" y="{y + 14}">{escape(said[:30])}</text>')
+        for colour, cause in zip(SHARES, causes, strict=False):
+            width = 340 * belief.get(cause, 0.0)
+            percent = f"{round(100 * belief.get(cause, 0.0))} %"
+            lines.append(
+                f'<g><title>{escape(cause)}: {percent}</title><rect x="{x:.1f}" y="{y}" width="{width:.1f}" height="20" '
+                f'fill="{colour}"/>'
+                + (
+                    f'<text x="{x + 3:.1f}" y="{y + 14}" fill="#ffffff">{percent}</text>'
+                    if width > 34
+                    else ""
+                )
+                + "</g>"
+            )
+            x += width
+    for row, (colour, cause) in enumerate(zip(SHARES, causes, strict=False)):
+        y = 26 * len(beliefs) + 18 * row + 8
+        lines.append(f'<rect x="200" y="{y}" width="12" height="12" fill="{colour}"/>')
+        lines.append(f'<text class="text" x="218" y="{y + 10}">{escape(cause)}</text>')
+    return "\n".join([*lines, "</svg>"])

@@ -1,8 +1,9 @@
 """Follows the journal of a run, and tells how the run stood at any of its records."""
 
-from collections.abc import Sequence
-from copy import deepcopy
-from dataclasses import dataclass, field
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from engine.formats.report.narration import narrated
@@ -11,7 +12,7 @@ from engine.model.execution import Record, RecordKind
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.store.journal import Begun, Journal, Line
 
-KEPT = 500  # records between two states that are kept for going back
+KEPT = 2000  # records between two states that are kept for going back
 Content = dict[str, Any]
 LOG = 2000  # lines of the log that a page can show
 
@@ -33,6 +34,10 @@ class Watched(Standing):
     histories: list[dict[str, Any]] = field(default_factory=list)
     goals: dict[str, str] = field(default_factory=dict)  # open, reached, or why it was given up
     plan: dict[str, Any] = field(default_factory=dict)
+
+    def copied(self) -> "Watched":
+        """The same, to go on from. What its lists hold is never changed, so it is not copied."""
+        return Watched(**{each.name: copy(getattr(self, each.name)) for each in fields(self)})
 
     def take(self, record: Record) -> None:
         """Take in a record."""
@@ -121,29 +126,53 @@ class Follower:
             raise InvalidInput([Diagnostic(Source(run), "K421", said, hint)])
         self.store, self.run = store, run
         self.records: list[Record] = []
+        self.about: Mapping[str, Any] = next(each.document for each in begun if each.run == run)
+        self._ends: dict[int, int] = {}
         self.latest = Watched(run, holds=dict.fromkeys(initial, 0))
-        self._kept = [deepcopy(self.latest)]
+        self._kept = [self.latest.copied()]
+        self._journal: Journal | None = None
 
     def refresh(self) -> int:
         """Read what has come; how many records that are."""
-        with Journal(self.store) as journal:
-            fresh = [record_of(line) for line in journal.lines(self.run, len(self.records))]
+        if self._journal is None:
+            self._journal = Journal(self.store)
+        fresh = [record_of(line) for line in self._journal.lines(self.run, len(self.records))]
         for record in fresh:
             self.records.append(record)
             self.latest.take(record)
+            if record.kind is RecordKind.REPLY:
+                self._ends[record.content["command"]] = record.at_ms
             if record.number % KEPT == 0:
-                self._kept.append(deepcopy(self.latest))
+                self._kept.append(self.latest.copied())
         return len(fresh)
 
-    def at(self, number: int) -> Watched:
-        """How the run stood after a record; the last one if the number is beyond it."""
+    def close(self) -> None:
+        """Give back the connection to the journal; the next look opens another one."""
+        if self._journal is not None:
+            self._journal.close()
+            self._journal = None
+
+    def at(self, number: int, before: Watched | None = None) -> Watched:
+        """How the run stood after a record; the last one if the number is beyond it.
+
+        `before` is how it stood a little before. It is taken on, which is quicker than to start anew.
+        """
         if number >= len(self.records):
             return self.latest
-        kept = self._kept[max(0, number) // KEPT]
-        found = deepcopy(kept)
-        for record in self.records[kept.number : max(0, number)]:
+        number, kept = max(0, number), self._kept[max(0, number) // KEPT]
+        useful = before is not None and before is not self.latest and kept.number <= before.number <= number
+        found = before if before is not None and useful else kept.copied()
+        for record in self.records[found.number : number]:
             found.take(record)
         return found
+
+    def number_at(self, at_ms: float) -> int:
+        """The number of the last record up to a time on the run's clock; at least 1."""
+        return max(1, bisect_right(self.records, at_ms, key=lambda each: each.at_ms))
+
+    def ends_ms(self, command: int) -> int | None:
+        """When a command had ended; None if it has not."""
+        return self._ends.get(command)
 
     def exceptions(self) -> list[int]:
         """The numbers of the records that tell of an exception."""

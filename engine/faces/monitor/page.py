@@ -1,154 +1,223 @@
-"""The pages: the list of runs, and one run with all its views. Each page looks several times a second for what is new."""
+"""The page of one run: how it stands, its views, orders, and the way through its records. It looks ten times a second for what is new."""
 
 import json
-from urllib.parse import quote
+import time
 
 from nicegui import ui
 
+from engine.faces.monitor.cell3d import PLACING
+from engine.faces.monitor.playing import SPEEDS, Player
 from engine.faces.monitor.shared import Shared
-from engine.faces.monitor.steering import steering
-from engine.faces.monitor.views import VIEWS, Choice, View
+from engine.faces.monitor.steering import Steering
+from engine.faces.monitor.viewing import Look, View
+from engine.faces.monitor.views import VIEWS
 from engine.formats.report.execution import duration
 from engine.model.wording import counted
-from kb.diagnostics import InvalidInput
 
-LOOK_S = 0.25  # between two looks
+LOOK_S = 0.1  # between two looks
 SCRIPT = """
-async function order(run, name, text) {
-  const answer = await fetch("/orders", {
+async function send(path, content) {
+  const answer = await fetch(path, {
     method: "POST",
     headers: {
       "content-type": "application/json",
       "x-cellwright-token": TOKEN,
-      "idempotency-key": crypto.randomUUID(),
+      "idempotency-key": crypto.randomUUID ? crypto.randomUUID() : String(Math.random()) + Date.now(),
     },
-    body: JSON.stringify({ run: run, order: name, text: text || "" }),
+    body: JSON.stringify(content),
   });
   const told = await answer.json();
-  emitEvent("told", { said: told.said, refused: !answer.ok });
+  emitEvent("told", { ...told, refused: !answer.ok });
+  return told;
 }
-document.addEventListener("click", (event) => {
+function order(run, name, text) {
+  return send("/orders", { run: run, order: name, text: text || "" });
+}
+function choose(event) {
   const step = event.target.closest && event.target.closest(".step");
-  if (step) emitEvent("chosen", step.dataset.step);
+  if (step) emitEvent("chosen", step.dataset.step || step.textContent);
+}
+document.addEventListener("click", choose);
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Enter") choose(event);
 });
 """
+KEYS = """space plays or stands · ← → one record · Home End · x next exception · l live · 1 to 9 and 0 views ·
+p pause · c go on · s stop · r retry · y approve · m more orders"""
 
 
-def build(shared: Shared) -> None:
-    """Make the pages of a monitor."""
-
-    def overview() -> None:
-        _overview(shared)
-
-    def one(name: str) -> None:
-        _run(shared, name)
-
-    ui.page("/")(overview)
-    ui.page("/run/{name:path}")(one)
+def head(shared: Shared) -> None:
+    """What every page needs in its head."""
+    ui.add_head_html(f"<script>const TOKEN = {json.dumps(shared.token)};{SCRIPT}{PLACING}</script>")
+    ui.colors(primary="#1f5a94")
+    ui.on("told", lambda event: notice(event.args))
 
 
-def _overview(shared: Shared) -> None:
-    """All runs of the store, the newest first, with those that go on."""
-    ui.label("Runs").classes("text-h5")
-    going = shared.going_on()
-    runs = shared.runs()
-    if not runs:
-        ui.label(
-            f"The store {shared.store} has no run yet. Begin one: cellwright run TARGET --store {shared.store}"
-        )
-    for each in runs:
-        with ui.row().classes("items-center"):
-            ui.link(each.run, f"/run/{quote(each.run, safe='')}")
-            ui.label(f"{each.document.get('target', '')}, begun {each.begun}")
-            if each.run in going:
-                ui.badge("goes on", color="green")
-
-
-def _run(shared: Shared, name: str) -> None:
-    """The page of one run; a run that is not there is told."""
-    try:
-        RunPage(shared, name)
-    except InvalidInput as refused:
-        ui.label(refused.diagnostics[0].message).classes("text-h6")
-        ui.link("all runs", "/")
+def notice(told: dict[str, object]) -> None:
+    """Show what came of an order."""
+    kind = "warning" if told.get("refused") else "positive"
+    ui.notify(str(told.get("said", "")), type=kind, multi_line=True)
 
 
 class RunPage:
-    """One run: how it stands, orders, its views, and a slider through its records. Raises `InvalidInput` for an unknown run."""
+    """One run. Raises `InvalidInput` for an unknown one."""
 
     def __init__(self, shared: Shared, name: str) -> None:
-        self.shared, self.name, self.choice = shared, name, Choice()
-        self.follower = shared.follow(name)
-        self._shown = -1
-        ui.add_head_html(f"<script>const TOKEN = {json.dumps(shared.token)};{SCRIPT}</script>")
+        self.shared, self.name = shared, name
+        follower = shared.follow(name)
+        self.player = Player(follower)
+        self.look = Look(shared, follower, follower.latest, choose=self._choose)
+        self._seen: tuple[object, ...] = ()
+        self._going, self._asked_s = False, 0.0
+        head(shared)
         self._head()
+        if self._steering is not None:
+            self._steering.banner()
         self._views = self._body()
         self._foot()
+        ui.on("go", lambda event: self._go(int(event.args)))
         ui.on("chosen", lambda event: self._choose(str(event.args)))
-        ui.on("told", lambda event: _notice(event.args))
-        ui.timer(LOOK_S, self.look)
+        ui.keyboard(on_key=self._key)
+        ui.timer(LOOK_S, self.tick)
 
     def _head(self) -> None:
-        with ui.header().classes("items-center q-py-xs"):
+        with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
             ui.link("runs", "/").classes("text-white")
-            ui.label(self.name).classes("text-h6").props('data-testid="title"').tooltip(self.follower.store)
-            self._phase = ui.badge("").props('data-testid="phase"')
+            ui.label(self.name).classes("text-h6").props('data-testid="title"').tooltip(
+                self.look.follower.store
+            )
+            self._phase = ui.badge("").props('data-testid="phase" role="status"')
             self._clock = ui.label("").props('data-testid="clock"')
-            if not self.shared.read_only:
-                steering(self.name)
+            ui.space()
+            self._steering = None if self.shared.read_only else Steering(self.shared, self.name)
+            ui.button(icon="contrast", on_click=lambda: self._dark()).props(
+                'dense flat color="white" aria-label="light or dark" data-testid="dark"'
+            )
+        self._dark_mode = ui.dark_mode(None)
 
-    def _body(self) -> list[View]:
-        with ui.tabs().props("dense align=left") as tabs:
+    def _dark(self) -> None:
+        self._dark_mode.value = not self._dark_mode.value
+
+    def _body(self) -> dict[str, View]:
+        with ui.tabs().props("dense align=left no-caps outside-arrows mobile-arrows") as self._tabs:
             for each in VIEWS:
                 ui.tab(each.name).props(f'data-testid="tab-{each.name}"')
-        views = []
-        with ui.tab_panels(tabs, value=VIEWS[0].name).props("keep-alive").classes("w-full"):
+        views = {}
+        with ui.tab_panels(self._tabs, value=VIEWS[0].name).props("keep-alive").classes("w-full"):
             for each in VIEWS:
-                with ui.tab_panel(each.name):
-                    views.append(each(self.choice))
+                with ui.tab_panel(each.name).classes("q-pa-sm"):
+                    views[each.name] = each(self.look)
+        self._tabs.on_value_change(lambda: self.tick(anew=True))
         return views
 
     def _foot(self) -> None:
-        with ui.footer().classes("items-center q-py-none"):
-            ui.label("record")
-            self._slider = ui.slider(min=0, max=1, value=1, on_change=lambda: self.look(anew=True))
+        with ui.footer().classes("items-center q-py-none q-px-sm gap-2"):
+            self._play = ui.button(icon="play_arrow", on_click=self._play_or_stand).props(
+                'dense flat color="white" aria-label="play" data-testid="play"'
+            )
+            speeds = {each: f"{each} ×".replace("-", "−") for each in SPEEDS}
+            self._speed = ui.select(speeds, value=10, on_change=self._change_speed)
+            self._speed.props('dense dark options-dense aria-label="speed" data-testid="speed"')
+            self._slider = ui.slider(min=0, max=1, value=1, on_change=self._slid)
             self._slider.classes("col").props('label color="white" aria-label="record" data-testid="slider"')
-            self._live = ui.switch("live", value=True, on_change=lambda: self.look(anew=True))
+            self._live = ui.switch("live", value=True, on_change=self._switched)
             self._live.props('color="green" data-testid="live"')
-            ui.button("exception", on_click=self._to_exception).props('dense data-testid="exception"')
+            ui.button("exception", on_click=self._to_exception).props('dense no-caps data-testid="exception"')
+            ui.icon("keyboard").tooltip(KEYS).props('tabindex="0"')
 
-    def look(self, anew: bool = False) -> None:
+    @staticmethod
+    def _press(order: str) -> None:
+        ui.run_javascript(f"document.querySelector('[data-testid={json.dumps(order)}]')?.click()")
+
+    def tick(self, anew: bool = False) -> None:
         """Show what is new; with `anew` whatever is to be shown."""
-        count = len(self.shared.follow(self.name).records)
-        self._slider.props(f"max={count}")
-        if self._live.value and self._slider.value != count:
-            self._slider.set_value(count)
-        number = int(self._slider.value or 0)
-        if anew or number != self._shown:
-            self._shown = number
-            self._show(number)
+        now = time.monotonic()
+        if now - self._asked_s > 1.0:
+            self._going, self._asked_s = self.name in self.shared.going_on(), now
+        self.shared.follow(self.name)
+        self.player.tick(now, self._going)
+        if self._steering is not None:
+            self._steering.show(self.player.follower.latest, self._going)
+        seen: tuple[object, ...] = (
+            self.player.number,
+            round(self.player.clock_ms),
+            self._tabs.value,
+            self.look.step,
+        )
+        seen = (*seen, self._views[str(self._tabs.value)].sign())
+        if anew or seen != self._seen:
+            self._seen = seen
+            self._show()
 
-    def _show(self, number: int) -> None:
-        run = self.follower.at(number)
-        self._phase.set_text(run.phase)
-        so_far, in_all = duration(run.now_ms), duration(max(run.end_ms, run.now_ms))
-        self._clock.set_text(f"{so_far} of about {in_all}, {counted(number, 'record')}")
-        for view in self._views:
-            view.show(run)
+    def _show(self) -> None:
+        player, look = self.player, self.look
+        look.run = player.follower.at(player.number, look.run)
+        look.clock_ms = player.clock_ms
+        self._slider.props(f"max={len(player.follower.records)}")
+        self._slider.set_value(player.number)
+        self._live.set_value(player.live)
+        self._play.props(f"icon={'pause' if player.speed else 'play_arrow'}")
+        self._phase.set_text(look.run.phase)
+        so_far, in_all = duration(round(look.clock_ms)), duration(max(look.run.end_ms, look.run.now_ms))
+        self._clock.set_text(f"{so_far} of about {in_all}, {counted(player.number, 'record')}")
+        self._views[str(self._tabs.value)].show()
+
+    def _slid(self) -> None:
+        if (number := int(self._slider.value or 0)) != self.player.number:
+            self.player.go_to(number)
+            self.tick()
+
+    def _switched(self) -> None:
+        if self._live.value != self.player.live:
+            self.player.live, self.player.speed = bool(self._live.value), 0.0
+            self.tick()
+
+    def _play_or_stand(self) -> None:
+        if self.player.speed:
+            self.player.speed = 0.0
+        else:
+            self.player.play(float(self._speed.value or 1))
+        self.tick(anew=True)
+
+    def _change_speed(self) -> None:
+        if self.player.speed:
+            self.player.speed = float(self._speed.value or 1)
+
+    def _go(self, number: int) -> None:
+        self.player.go_to(number)
+        self.tick(anew=True)
 
     def _choose(self, step: str) -> None:
-        self.choice.step = step
-        self.look(anew=True)
+        self.look.step = step
+        self.tick(anew=True)
 
     def _to_exception(self) -> None:
-        """Go to the next exception behind the record that is shown, or to the first one."""
-        numbers = self.follower.exceptions()
-        if not numbers:
+        if not self.player.to_exception():
             ui.notify("this run had no exception")
+        self.tick(anew=True)
+
+    def _key(self, event: object) -> None:
+        """Whatever a button of the page does, a key does."""
+        key, action = getattr(event, "key", None), getattr(event, "action", None)
+        if key is None or action is None or not action.keydown:
             return
-        self._live.set_value(False)
-        self._slider.set_value(next((each for each in numbers if each > self._shown), numbers[0]))
+        name = str(key.name)
+        count, number = len(self.player.follower.records), self.player.number
+        jumps = {"ArrowLeft": number - 1, "ArrowRight": number + 1, "Home": 0, "End": count}
+        if name in jumps:
+            self.player.go_to(jumps[name])
+        elif name.isdigit() and int(name or 0) <= len(self._views):
+            self._tabs.set_value(list(self._views)[(int(name) or 10) - 1])
+        elif name == " ":
+            self._play_or_stand()
+        elif name == "x":
+            self._to_exception()
+        elif name == "l":
+            self.player.live, self.player.speed = True, 0.0
+        elif not self.shared.read_only and name in ORDERS_BY_KEY:
+            button = f"document.querySelector('[data-testid=\"{ORDERS_BY_KEY[name]}\"]')?.click()"
+            ui.run_javascript(button)
+        self.tick(anew=True)
 
 
-def _notice(told: dict[str, object]) -> None:
-    ui.notify(str(told.get("said", "")), type="warning" if told.get("refused") else "positive")
+ORDERS_BY_KEY = {"p": "interrupt", "c": "continue", "s": "stop", "r": "retry", "y": "approve", "m": "more"}

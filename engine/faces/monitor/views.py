@@ -1,45 +1,24 @@
 """The views of a run. Each is made once for a page, and shows the run as it stands when it is told to."""
 
-from abc import ABC, abstractmethod
-from collections import defaultdict
-from dataclasses import dataclass
+import asyncio
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
-from nicegui import ui
+from nicegui import background_tasks, ui
 
-from engine.faces.monitor.charts import gantt, run_chart
-from engine.faces.monitor.following import Watched
+from engine.faces.monitor.cell3d import Cell3D
+from engine.faces.monitor.charts import gantt
+from engine.faces.monitor.choosing import related, steps_of, told_of
+from engine.faces.monitor.comparing import Compared
+from engine.faces.monitor.findings import Diagnosis, Results, Sequence
+from engine.faces.monitor.reasons import contact_states, reasons
+from engine.faces.monitor.tables import fill, made
+from engine.faces.monitor.viewing import View, picture
 from engine.formats.report import svg
 from engine.formats.report.execution import duration
 from engine.pipelines.execution.records import compiled_of
 
-SHOWN = 400  # rows of a table at most; a search looks in all
 LARGEST = 150  # steps of a plan that is drawn
-
-
-@dataclass
-class Choice:
-    """What is chosen on a page: a step, in the way the plan writes it."""
-
-    step: str = ""
-
-
-class View(ABC):
-    """A view of a run on a page; `name` is what its tab says."""
-
-    name = ""
-
-    def __init__(self, choice: Choice) -> None:
-        self.choice = choice
-        self.make()
-
-    @abstractmethod
-    def make(self) -> None:
-        """Make what is shown, still empty."""
-
-    @abstractmethod
-    def show(self, run: Watched) -> None:
-        """Show the run as it stands."""
 
 
 class Now(View):
@@ -51,39 +30,54 @@ class Now(View):
         """Make what is shown, still empty."""
         self._chart = ui.html("", sanitize=False).classes("w-full")
         with ui.row().classes("w-full items-start"):
-            self._current = _table("device", "current step", "since")
-            self._goals = _table("goal", "stands")
-            self._chosen = ui.column().props('data-testid="chosen"')
+            self._current = made(self.look.choose, "device", "current step", "since")
+            self._goals = made(self.look.choose, "goal", "stands")
+            self._chosen = ui.column().classes("gap-0 col").props('data-testid="chosen" role="status"')
+        self._told: tuple[object, ...] = ()
+        self._field = ui.input("chosen: a step, a fact, an object").classes("w-96")
+        self._field.props('dense clearable data-testid="choose"')
+        self._field.on("keydown.enter", lambda: self.look.choose(str(self._field.value or "")))
         self._log = ui.column().classes("w-full gap-0")
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
-        self._chart.set_content(gantt(run, run.now_ms, self.choice.step))
+        run = self.look.run
+        chosen = self.look.step
+        self._chart.set_content(gantt(run, round(self.look.clock_ms), steps_of(run, chosen)))
         current = [(stream, action, duration(since)) for stream, action, since, _ in run.under_way.values()]
-        _fill(self._current, current)
-        _fill(self._goals, sorted(run.goals.items()))
-        self._chosen.clear()
-        with self._chosen:
-            for line in told_of(run, self.choice.step):
-                ui.label(line)
+        fill(self._current, current, related(run, chosen))
+        fill(self._goals, sorted(run.goals.items()), related(run, chosen))
+        self._tell(told_of(run, chosen))
         self._log.clear()
         with self._log:
             for _, line in run.story[-8:]:
                 ui.label(line).classes("text-caption")
 
+    def _tell(self, lines: list[str]) -> None:
+        """Tell of what is chosen; why a step is in the plan takes a moment."""
+        told = (*lines, len(self.look.run.plan.get("steps", ())))
+        if told == self._told:
+            return
+        self._told = told
+        self._chosen.clear()
+        with self._chosen:
+            for line in lines:
+                ui.label(line)
+        step = next(
+            (each for each in self.look.run.plan.get("steps", ()) if each["step"] == self.look.step), None
+        )
+        if step is not None:
+            background_tasks.create(self._explain(dict(self.look.run.plan), step["id"], told))
 
-def told_of(run: Watched, step: str) -> list[str]:
-    """What a page tells of a step: what it waits for, what it is needed for, and what it brings."""
-    steps = {each["id"]: each for each in run.plan.get("steps", ())}
-    found = next((each for each in steps.values() if each["step"] == step), None)
-    if found is None:
-        return []
-    after = [steps[each]["step"] for each in found.get("after", ()) if each in steps]
-    before = [each["step"] for each in steps.values() if found["id"] in each.get("after", ())]
-    lines = [f"step {found['id']}: {step}", f"device: {found['stream']}, says: {found.get('says', '')}"]
-    lines += [f"waits for: {', '.join(after) or 'nothing'}", f"goes before: {', '.join(before) or 'nothing'}"]
-    lines += [f"brings: {', '.join(found.get('adds', ())) or 'nothing'}"]
-    return [*lines, f"holds: {', '.join(found.get('resources', ())) or 'nothing'}"]
+    async def _explain(self, plan: dict[str, Any], number: int, told: tuple[object, ...]) -> None:
+        shared, steps = self.look.shared, {each["id"]: each for each in plan["steps"]}
+        asked = (shared.target(self.look.run.run), [steps[each] for each in plan["order"]], number)
+        lines = await asyncio.wrap_future(shared.workers.submit(reasons, *asked))
+        if told == self._told:
+            with self._chosen:
+                ui.label("why it is there:").classes("text-bold")
+                for line in lines or ["it brings nothing that a later step needs"]:
+                    ui.label(line).props('data-testid="because"')
 
 
 class Partial(View):
@@ -96,10 +90,12 @@ class Partial(View):
         self._picture = ui.html("", sanitize=False)
         self._drawn: tuple[Any, ...] = ()
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
+        run = self.look.run
         standing = {number: bar.standing for number, bar in run.bars.items()}
-        drawn = (id(run.plan), tuple(standing.items()))
+        chosen = steps_of(run, self.look.step)
+        drawn = (id(run.plan), tuple(standing.items()), chosen)
         if drawn == self._drawn or not run.plan:
             return
         self._drawn = drawn
@@ -107,7 +103,16 @@ class Partial(View):
             said = f"The plan has {len(run.bars)} steps: too many for a picture. See the steps over time."
             self._picture.set_content(said)
             return
-        self._picture.set_content(svg.plan(compiled_of(run.plan).plan, standing=standing))
+        plan = svg.plan(compiled_of(run.plan).plan, standing=standing)
+        self._picture.set_content(_rimmed(plan, chosen))
+
+
+def _rimmed(plan: str, chosen: frozenset[str]) -> str:
+    """The picture of a plan with a rim around the steps that are chosen."""
+    for step in sorted(chosen):
+        name = f"data-step={quoteattr(step)}"
+        plan = plan.replace(name, f'{name} style="filter: drop-shadow(0 0 3px #d02090)" data-chosen="yes"')
+    return plan
 
 
 class World(View):
@@ -118,86 +123,25 @@ class World(View):
     def make(self) -> None:
         """Make what is shown, still empty."""
         self._search = ui.input("search").props('clearable dense data-testid="search"')
-        self._table = _table("fact", "since record")
-        self._run: Watched | None = None
-        self._search.on_value_change(lambda: self._run and self.show(self._run))
+        button = ui.button("Contact states at the start", on_click=self._net)
+        button.props('dense no-caps outline data-testid="contacts"')
+        self._picture = ui.html("", sanitize=False).props('data-testid="net"')
+        self._table = made(self.look.choose, "fact", "since record")
+        self._search.on_value_change(self.show)
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
-        self._run, asked = run, self._search.value or ""
+        run = self.look.run
+        asked = self._search.value or ""
         rows = sorted(run.holds.items(), key=lambda each: (-each[1], each[0]))
-        _fill(self._table, [row for row in rows if asked in row[0]])
+        fill(self._table, [row for row in rows if asked in row[0]], related(run, self.look.step))
 
-
-class Diagnosis(View):
-    """Each exception with its tests, the beliefs before each, and what was found."""
-
-    name = "diagnosis"
-
-    def make(self) -> None:
-        """Make what is shown, still empty."""
-        self._table = _table("at", "what", "of", "outcome", "belief")
-
-    def show(self, run: Watched) -> None:
-        """Show the run as it stands."""
-        _fill(self._table, [_found(each) for each in run.findings])
-
-
-def _found(each: dict[str, Any]) -> tuple[str, ...]:
-    belief = each.get("belief") or each.get("causes") or ()
-    said = ", ".join(f"{cause} {round(100 * p)} %" for cause, p in belief[:4])
-    outcome = each.get("outcome") or each.get("reply") or each.get("cured") or ""
-    return (
-        duration(each["at_ms"]),
-        each["kind"],
-        str(each.get("action") or each["exception"]),
-        str(outcome),
-        said,
-    )
-
-
-class Results(View):
-    """What was measured beside its limits, and a run chart for each feature that was measured more than once."""
-
-    name = "results"
-
-    def make(self) -> None:
-        """Make what is shown, still empty."""
-        self._table = _table("of", "quantity", "value", "nominal", "from", "to", "", "at")
-        self._charts = ui.row()
-        self._drawn = -1
-
-    def show(self, run: Watched) -> None:
-        """Show the run as it stands."""
-        if len(run.results) == self._drawn:
-            return
-        self._drawn = len(run.results)
-        _fill(self._table, [_measured(each) for each in run.results])
-        features: dict[str, list[dict[str, Any]]] = defaultdict(list)
-        for each in run.results:
-            if "value" in each:
-                features[f"{each.get('of', '')} {each.get('quantity', '')}"].append(each)
-        self._charts.clear()
-        with self._charts:
-            for name, values in list(features.items())[:24]:
-                with ui.column():
-                    ui.label(name)
-                    ui.html(run_chart(values), sanitize=False)
-
-
-def _measured(each: dict[str, Any]) -> tuple[str, ...]:
-    numbers = [each.get(key) for key in ("nominal", "lower", "upper")]
-    said = ["" if value is None else f"{value:g}" for value in numbers]
-    verdict = {True: "✓ passed", False: "✗ FAILED"}.get(each.get("passed"), "not judged")  # type: ignore[arg-type]
-    value = f"{each['value']:g} {each.get('unit', '')}" if "value" in each else str(each.get("result", ""))
-    return (
-        each.get("of", each["action"]),
-        each.get("quantity", ""),
-        value,
-        *said,
-        verdict,
-        duration(each["at_ms"]),
-    )
+    async def _net(self) -> None:
+        """Show the net of contact states, marked as the cell begins."""
+        shared = self.look.shared
+        asked = shared.workers.submit(contact_states, shared.target(self.look.run.run)[0])
+        self._picture.set_content("Looking for the contact states ...")
+        self._picture.set_content(picture(await asyncio.wrap_future(asked)))
 
 
 class Objects(View):
@@ -208,13 +152,13 @@ class Objects(View):
     def make(self) -> None:
         """Make what is shown, still empty."""
         self._search = ui.input("object").props('clearable dense data-testid="object"')
-        self._table = _table("from", "to", "step", "brought")
-        self._run: Watched | None = None
-        self._search.on_value_change(lambda: self._run and self.show(self._run))
+        self._table = made(self.look.choose, "from", "to", "step", "brought")
+        self._search.on_value_change(self.show)
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
-        self._run, asked = run, self._search.value or ""
+        run = self.look.run
+        asked = self._search.value or ""
         rows = [
             (
                 duration(each["started_ms"]),
@@ -225,7 +169,7 @@ class Objects(View):
             for each in run.histories
             if asked in each["action"] or any(asked in fact for fact in each["adds"])
         ]
-        _fill(self._table, rows)
+        fill(self._table, rows, related(run, self.look.step))
 
 
 class Log(View):
@@ -235,28 +179,23 @@ class Log(View):
 
     def make(self) -> None:
         """Make what is shown, still empty."""
-        self._table = _table("record", "what")
+        self._table = made(self.look.choose, "record", "what")
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
-        _fill(self._table, run.story[::-1])
+        run = self.look.run
+        fill(self._table, run.story[::-1], related(run, self.look.step))
 
 
-VIEWS: tuple[type[View], ...] = (Now, Partial, World, Diagnosis, Results, Objects, Log)
-
-
-def _table(*columns: str) -> ui.table:
-    """An empty table; its texts are shown as they are, never as HTML."""
-    named = [
-        {"name": str(n), "label": each, "field": str(n), "align": "left"} for n, each in enumerate(columns)
-    ]
-    return ui.table(columns=named, rows=[], row_key="key").props('dense flat no-data-label="none"')
-
-
-def _fill(table: ui.table, rows: Any) -> None:
-    made = [
-        {"key": key, **{str(n): str(value) for n, value in enumerate(row)}}
-        for key, row in enumerate(list(rows)[:SHOWN])
-    ]
-    if table.rows != made:
-        table.rows = made
+VIEWS: tuple[type[View], ...] = (
+    Now,
+    Cell3D,
+    Partial,
+    World,
+    Sequence,
+    Diagnosis,
+    Results,
+    Objects,
+    Log,
+    Compared,
+)

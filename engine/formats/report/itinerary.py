@@ -1,5 +1,6 @@
 """The sequence that a plan follows, and where its time goes: by operator, for people and programs."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -44,7 +45,9 @@ def entry(run: Run) -> dict[str, Any]:
     if way is None:
         return {}
     found = {**tour.entry(way.tour, way.problem), "kept": way.kept, "altered": way.altered}
-    content: dict[str, Any] = {"sequence": {**found, "partition": inspection.entry(way.partition)}}
+    groups = inspection.entry(way.partition)
+    groups["impossible"] |= way.unasked
+    content: dict[str, Any] = {"sequence": {**found, "partition": groups}}
     if isinstance(run.outcome, Found):
         content["times"] = {
             name: {"steps": own.steps, "duration": own.duration, "longest": own.longest}
@@ -68,7 +71,7 @@ def text(run: Run, unit: str) -> RenderableType:
     said: list[RenderableType] = [
         Text(f"In the order of the sequence{kept}: {tour.summary(way.tour, way.problem)}")
     ]
-    said += [Text(line) for line in _left_out(way.partition.impossible)]
+    said += [Text(line) for line in (*_left_out(way.partition.impossible), *_unasked(way.unasked))]
     if isinstance(run.outcome, Found) and run.timetable is not None:
         said.insert(0, _times(run.outcome.plan, unit))
     return Group(*said)
@@ -83,6 +86,13 @@ def _times(plan: Plan, unit: str) -> RenderableType:
     ]
     heads = ("time goes to", "steps", f"lasts ({unit})", "longest", "share")
     return TextTable(heads, rows, right=heads[1:])
+
+
+def _unasked(reasons: Mapping[str, str]) -> list[str]:
+    """A line that counts the measurements that cannot be made and that no goal asks for; none if there are none."""
+    counts = Counter(reasons.values()).most_common()
+    told = "; ".join(f"{why} ({count})" for why, count in counts)
+    return [f"No goal asks for {len(reasons)} measurements that cannot be made: {told}"] if counts else []
 
 
 def _left_out(reasons: Mapping[str, str]) -> list[str]:

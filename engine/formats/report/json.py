@@ -20,7 +20,7 @@ Starts = Mapping[StepId, int] | None
 
 def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diagnostic] = ()) -> str:
     """The answer of a command as JSON text. The same answer gives the same bytes."""
-    import json
+    from engine.formats.report.json_text import written
 
     whole = {
         "version": VERSION,
@@ -28,7 +28,7 @@ def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diag
         "data": content,
         "diagnostics": [diagnostic_entry(each) for each in diagnostics],
     }
-    return json.dumps(whole, indent=1, ensure_ascii=False)
+    return written(whole)
 
 
 def diagnostic_entry(diagnostic: Diagnostic) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from kb.model.scene import SaidRelation
 SAID = {
     Outlook.DONE: "the part is at its goal",
     Outlook.OPEN: "the goal can be reached",
-    Outlook.HARD: "the goal has become hard",
-    Outlook.IMPOSSIBLE: "the goal has become impossible",
+    Outlook.HARD: "the goal is hard to reach",
+    Outlook.IMPOSSIBLE: "the goal cannot be reached",
 }
 
 
@@ -50,11 +50,14 @@ def text(portion: Portion, said: SaidRelation) -> str:
 
 def followed(state: Watched, told: Sequence[tuple[Watched, Forecast | None]]) -> str:
     """What is said after each event, for people."""
-    lines = [f"at first: {_outlook(state.forecast)}"]
+    before = state.forecast
+    lines = [f"at first: {_outlook(before)}"]
     for n, (after, warning) in enumerate(told, 1):
         mark = "WARNING: " if warning is not None else ""
         held = " (in the hand)" if after.T_part_hand is not None else ""
-        lines.append(f"act {n}{held}: {mark}{_outlook(after.forecast)}")
+        same = after.forecast == before
+        lines.append(f"act {n}{held}: {mark}{'as before' if same else _outlook(after.forecast)}")
+        before = after.forecast
     return "\n".join(lines)
 
 

@@ -5,7 +5,7 @@ A `Standing` takes in one record after another; whatever shows a run draws it.
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.formats.report.narration import narrated
@@ -14,7 +14,7 @@ from engine.model.execution import Record, RecordKind
 LOG, FACTS = 8, 6  # lines of the log, last changes of the world
 
 
-@dataclass
+@dataclass(frozen=True, slots=True)
 class Bar:
     """A step of a plan: when it begins and how long it lasts, as forecast or as it was, and how it stands.
 
@@ -87,13 +87,15 @@ class Standing:
     def _done(self, content: Mapping[str, Any]) -> None:
         self._stand(content["step"], "done", content["started_ms"])
         if (bar := self.bars.get(content["step"])) is not None:
-            bar.lasts_ms = self.now_ms - content["started_ms"]
+            lasts = self.now_ms - content["started_ms"]
+            self.bars[content["step"]] = replace(bar, lasts_ms=lasts)
         self.facts.extend(
             [*(f"+ {each}" for each in content["adds"]), *(f"- {each}" for each in content["ends"])]
         )
 
     def _stand(self, step: int | None, standing: str, start_ms: int | None = None) -> None:
-        bar = self.bars.get(step) if step is not None else None
-        if bar is not None:
-            bar.standing = standing
-            bar.start_ms = bar.start_ms if start_ms is None else start_ms
+        if step is None or (bar := self.bars.get(step)) is None:
+            return
+        self.bars[step] = replace(
+            bar, standing=standing, start_ms=bar.start_ms if start_ms is None else start_ms
+        )

@@ -131,6 +131,8 @@ def command_entry(command: Command) -> dict[str, Any]:
         "timeout_ms": command.timeout_ms,
         "about": command.about,
         "asks": command.asks,
+        "looks": list(command.looks),
+        "watches": list(command.watches),
     }
     return {key: value for key, value in found.items() if value not in (None, "", [], False)}
 
@@ -150,6 +152,8 @@ def read_command(found: Mapping[str, Any]) -> Command:
             _whole(found, "timeout_ms") if found.get("timeout_ms") is not None else None,
             _whole(found, "about") if found.get("about") is not None else None,
             bool(found.get("asks", False)),
+            tuple(map(str, found.get("looks", ()))),
+            tuple(map(str, found.get("watches", ()))),
         )
     except (KeyError, ValueError, TypeError) as error:
         raise Garbage(f"no command: {error}") from error

@@ -9,11 +9,12 @@ from typing import Any
 
 from engine.model.execution import VERSION, Finish, Record, RecordKind
 from engine.model.outcome import Outcome
+from engine.model.schedule import Timetable
 from engine.pipelines.execution.checkpoints import past_of
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.faults import settled
 from engine.pipelines.execution.orders import Orders
-from engine.pipelines.execution.planned import Ready, first
+from engine.pipelines.execution.planned import Ready, first, ready
 from engine.pipelines.execution.recorder import Recorder, Watcher
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.running import Execution
@@ -27,6 +28,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.problem import Problem
 from kb.store.journal import Journal, Line
 
+LOGGED = ("sim", "mujoco")  # drivers that can be where they were before, by a log
 OVER = ("reached", "partly", "aborted")  # endings after which there is nothing to resume
 
 
@@ -64,12 +66,16 @@ def begin(
     watchers: Sequence[Watcher] = (),
     limits: Limits = Limits(),
     outcome: Outcome | None = None,
+    table: Timetable | None = None,
 ) -> Finish | Outcome:
     """Run a problem to its end under a name that `named` has given; why there is no plan, if there is none.
 
-    Raises `InvalidInput`.
+    `outcome` is a plan that is known already, `table` one with its starts. Raises `InvalidInput`.
     """
-    found = first(problem, limits, outcome, wanted.store)
+    if table is not None:
+        found: Ready | Outcome = ready(problem, table.plan, table.starts, 0)
+    else:
+        found = first(problem, limits, outcome, wanted.store)
     if not isinstance(found, Ready):
         return found
     with Journal(wanted.store) as journal:
@@ -172,6 +178,6 @@ def _log(store: str, run: str) -> str:
 
 def _logged(wanted: Wanted, run: str) -> Mapping[str, str]:
     """The options of the driver; a simulator without a log writes one beside a journal that is a file."""
-    if wanted.driver != "sim" or "log" in wanted.options or "://" in wanted.store:
+    if wanted.driver not in LOGGED or "log" in wanted.options or "://" in wanted.store:
         return wanted.options
     return {**wanted.options, "log": _log(wanted.store, run)}

@@ -80,6 +80,7 @@ def compiled(
             results[number] = command.result
         lasts = int(step.duration * unit)
         stream = stream_of(command.stream, step)
+        looks, watches = looks_of(operators.get(step.operator.name), step)
         activities[number] = Activity(
             number,
             str(step.operator),
@@ -94,6 +95,8 @@ def compiled(
             asks=stream.partition("(")[0] == PERSON,
             rests=number in rests,
             process=bool(hands) and not hands.intersection(map(str, step.resources)),
+            looks=looks,
+            watches=watches,
         )
     dwells = tuple(
         dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
@@ -155,6 +158,15 @@ def stream_of(said: Term, step: Step) -> str:
         return str(said)
     devices = tuple(each for each in said.arguments if each in step.resources)
     return str(Function(said.name, devices))
+
+
+def looks_of(operator: Operator | None, step: Step) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The facts that a step's device looks at before it begins, and those that it watches then."""
+    if operator is None or not operator.online:
+        return (), ()
+    known = dict(zip(operator.variables, step.operator.arguments, strict=True))
+    facts = [(str(substitute(each.fact, known)), each.during) for each in operator.online]
+    return tuple(fact for fact, _ in facts), tuple(fact for fact, during in facts if during)
 
 
 def _says(said: Term, stream: str) -> str:

@@ -39,13 +39,23 @@ class Course(Progress):
             self.take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
         self.flush()
         while self.turn is None:
+            if self.standing.phase is Phase.RUNNING and (turn := self._looks_ahead()) is not None:
+                return turn
             self.wait()
             self.flush()
-            if self.turn is None and self.review and self.standing.phase is Phase.RUNNING:
-                self.turn = Turn(Phase.RUNNING, why=self.review, review=True)
-                self.review = ""
         turn, self.turn = self.turn, None
         return turn
+
+    def _looks_ahead(self) -> Turn | None:
+        """Come back if what is left is to be looked at again, or if something is waited for that another thing could serve."""
+        if self.review:
+            why, self.review = self.review, ""
+            return Turn(Phase.RUNNING, why=why, review=True)
+        under_way = frozenset(self.standing.running)
+        if under_way and under_way != self.waited and executive.waits(self.compiled.program, self.standing):
+            self.waited = under_way
+            return Turn(Phase.RUNNING, idle=True)
+        return None
 
     def wait(self) -> None:
         """Wait for what comes next, and take it in."""
@@ -110,8 +120,10 @@ class Course(Progress):
                 self.recorder.note(RecordKind.PHASE, phase=self.standing.phase.value, why=given.order.value)
         elif given.order is Order.ANSWER:
             self._answered(given)
-        elif self.standing.phase in (Phase.QUIESCING, Phase.HANDLING):
-            self.pending.append(given)  # first it has to be found out what went wrong
+        elif self.turn is not None or self.standing.phase in (Phase.QUIESCING, Phase.HANDLING):
+            self.pending.append(
+                given
+            )  # first comes what came before it, or it has to be found out what went wrong
         elif given.order is not Order.APPROVE:
             self.turn = Turn(self.standing.phase, given=given)
 

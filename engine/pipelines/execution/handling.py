@@ -8,7 +8,7 @@ from engine.model.execution import Command, CommandKind, RecordKind
 from engine.model.outcome import Found, Infeasible
 from engine.model.troubleshooting import Action, Advice
 from engine.model.wording import counted
-from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, stream_of, unit_ms
+from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, looks_of, stream_of, unit_ms
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, Performed, perform
 from engine.pipelines.execution.planned import Ready, again
@@ -22,6 +22,7 @@ from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
 from engine.stages.diagnosis.session import QUESTION, run
 from engine.stages.execution import Failure
 from engine.stages.planning import Limits
+from kb.diagnostics import InvalidInput
 from kb.model.faults import FaultModel
 from kb.model.plan import Plan, Step, StepId
 from kb.terms import Function, match
@@ -101,6 +102,9 @@ class ExceptionHandler:
             believed = Findings(desk.beliefs, desk.session.diagnosis()).believed if desk.beliefs else world
             self._believe(believed, f"while {exception} was looked into, {other.step} failed")
             return self.handled(other.step, None, other.number, other.reply, None, depth + 1)
+        except InvalidInput as error:  # what was found contradicts what was believed
+            told = error.diagnostics[0].message
+            return GivesUp(f"{exception} at {step}: what is known of the cell now contradicts itself: {told}")
         return self._goes_on(exception, made, recovery, world)
 
     def _looked_into(self, desk: Desk) -> Diagnosis:
@@ -221,6 +225,7 @@ class ExceptionHandler:
 
         stream = stream_of(substitute(declared.stream, known), step) if declared else str(step.resources[:1])
         lasts = int(step.duration * unit_ms(self.scope.problem.domain))
+        looks, watches = looks_of(operators[step.operator.name], step)
         command = Command(
             0,
             CommandKind.STEP,
@@ -228,6 +233,8 @@ class ExceptionHandler:
             str(step.operator),
             lasts_ms=lasts,
             timeout_ms=PATIENCE * lasts + GRACE_MS,
+            looks=looks,
+            watches=watches,
         )
         return perform(self.course, command)
 

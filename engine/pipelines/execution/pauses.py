@@ -1,24 +1,34 @@
 """What a person can do at a pause: skip a step, do it again, go back, correct the world model, add a command."""
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from engine.model.cases import Revision
 from engine.model.execution import Order, Phase, RecordKind
 from engine.model.outcome import Found
+from engine.pipelines.execution.adding import addition, extended
+from engine.pipelines.execution.choosing import others
+from engine.pipelines.execution.compiling import unit_ms
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
 from engine.pipelines.execution.orders import Given
 from engine.pipelines.execution.planned import Ready, again
 from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
+from engine.pipelines.gate import PlanGate
 from engine.pipelines.revision.observing import corrected, read_facts
 from engine.pipelines.revision.remaining import left_over
 from engine.pipelines.simulation import Dynamics, WorldState
+from engine.pipelines.timetable import from_then_on
+from engine.pipelines.timetable.kept import lateness
+from engine.pipelines.timetable.wishes import wishes_for
 from engine.pipelines.troubleshooting.recovery import recover
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.model.plan import Plan, StepId
-from kb.model.problem import Problem
+from kb.terms import Atom
+
+PARTS = 6  # of equal things that are tried for one that is due
 
 
 class Refused(Exception):
@@ -122,32 +132,27 @@ def _signed(text: str) -> tuple[str, str]:
 
 
 def _add(here: _Pause, text: str) -> tuple[Scope, Ready]:
-    """A further command: its goals and stages join those that are pursued."""
-    from kb.commands import understand
+    """A further command: its goals and stages join those that are pursued, and wishes about times are kept to from now on."""
+    found = addition(here.scope.problem, text, here.course.driver.now_ms())
+    scope = replace(here.scope, problem=extended(here.scope.problem, found.words, found.wishes))
+    made = _replanned(replace(here, scope=scope, state=ahead(here.course, scope.problem.chains)))
+    return (made[0], _most_punctual(here, made[1], found.wishes)) if found.wishes else made
 
-    scope = Scope(merged(here.scope.problem, understand(here.scope.problem, text)), here.scope.given_up)
-    return _replanned(replace(here, scope=scope, state=ahead(here.course, scope.problem.chains)))
 
-
-def merged(problem: Problem, further: Problem) -> Problem:
-    """A problem with the goals and chains of another one; chains of the same subject come behind those that are there."""
-    from kb.model.conditions import And, goal_parts
-
-    taken = {chain.name for chain in problem.chains}
-    chains = list(problem.chains)
-    for chain in further.chains:
-        if chain in problem.chains:
-            continue
-        name = chain.name
-        while name in taken:
-            name = f"{name}'"
-        behind = tuple(c.name for c in problem.chains if c.subject is not None and c.subject == chain.subject)
-        taken.add(name)
-        chains.append(replace(chain, name=name, after=tuple(dict.fromkeys((*chain.after, *behind)))))
-    known = set(map(str, goal_parts(problem.goal)))
-    new = [part for part in goal_parts(further.goal) if str(part) not in known]
-    goal = And((*goal_parts(problem.goal), *new)) if new else problem.goal
-    return replace(problem, chains=tuple(chains), goal=goal)
+def _most_punctual(here: _Pause, made: Ready, wishes: Sequence[Atom]) -> Ready:
+    """The program, or one in which what is due has the part of an equal thing, if less is late then."""
+    problem, now = made.problem, here.course.driver.now_ms()
+    known = wishes_for(PlanGate().semantics(problem), made.plan)
+    said = from_then_on(known, int(now // unit_ms(problem.domain)))
+    best = lateness(made.plan, said, made.starts)
+    subjects = {atom.arguments[0] for atom in wishes}
+    for _, plan in itertools.islice(others(problem, problem.initial, subjects, made.plan), PARTS):
+        if not best:
+            break
+        other = again(problem, plan, now, here.limits, here.course.since)
+        if (late := lateness(other.plan, said, other.starts)) < best:
+            made, best = other, late
+    return made
 
 
 def _replanned(here: _Pause) -> tuple[Scope, Ready]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from engine.model.outcome import Found, Outcome
 from engine.model.schedule import Timetable
-from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of
+from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of, unit_ms
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.timetable import timed
 from engine.pipelines.timetable.wishes import wishes_for
@@ -18,13 +18,14 @@ from engine.stages.scheduling.blocks import mentions
 from engine.stages.scheduling.work import Wishes
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
-from kb.terms import Atom
+from kb.terms import Atom, Term
 
 WORK = 1.0  # of the scheduler for a recovery, about seconds of one core
 SHORT = 120  # steps of a recovery that are scheduled anew; longer ones keep their order
 
 Since = Mapping[Atom, int]  # when facts became true, in milliseconds of the run's clock
 NOTHING: Since = {}
+FREE: Mapping[Term, int] = {}
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,21 @@ def first(
 
 
 def again(
-    problem: Problem, plan: Plan, begin_ms: int, limits: Limits = Limits(), since: Since = NOTHING
+    problem: Problem,
+    plan: Plan,
+    begin_ms: int,
+    limits: Limits = Limits(),
+    since: Since = NOTHING,
+    busy: Mapping[Term, int] = FREE,
 ) -> Ready:
-    """The program of a plan that was made while the run goes on. `since` says when facts became true."""
+    """The program of a plan that was made while the run goes on. `since` says when facts became true.
+
+    What is `busy` with steps under way is free after so many of the domain's units of time.
+    """
     starts: Mapping[StepId, int] | None = None
     if any(step.duration for step in plan.steps) and len(plan.steps) <= SHORT:
         work = ScheduleLimits(WORK, limits.seed, interrupted=limits.interrupted)
-        made = timed(problem, ground(problem), plan, work)
+        made = timed(problem, ground(problem), plan, work, busy, int(begin_ms // unit_ms(problem.domain)))
         if isinstance(made, Timetable):
             plan, starts = made.plan, made.starts
     return ready(problem, plan, starts, begin_ms, since=since)
@@ -83,7 +92,8 @@ def ready(
     begin = here or situation_of(problem)
     wishes = wishes_for(PlanGate().semantics(problem), plan)
     stays = tuple(stays_of(plan, wishes, begin, since))
-    made = compiled(problem, plan, times, begin_ms, stays, wishes.any, begin)
+    waits = bool(wishes.travel or wishes.longest_stay or wishes.release)
+    made = compiled(problem, plan, times, begin_ms, stays, waits, begin)
     last = max((times[step.id] + step.duration for step in plan.steps), default=0)
     return Ready(problem, plan, times, made, last)
 

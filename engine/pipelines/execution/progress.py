@@ -36,6 +36,7 @@ class Turn:
     given: Given | None = None
     why: str = ""
     review: bool = False
+    idle: bool = False  # nothing can begin before something ends that needs no hand
 
 
 @dataclass
@@ -65,6 +66,8 @@ class Progress:
     turn: Turn | None = None
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
+    calm: int = 1  # twice as much as before has to change after each review that came to nothing
+    waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
     look: Callable[[RunState], None] | None = None
 
@@ -76,6 +79,7 @@ class Progress:
         self.compiled, self.standing = compiled, standing
         self.replies = Replies(compiled)
         self.done, self.review, self.off_ms = set(), "", 0
+        self.waited = frozenset()
         self.sent = {number: self._renumbered(number) for number in standing.running}
         self.plan_number = self.recorder.last
 
@@ -100,6 +104,7 @@ class Progress:
             about=command.about,
             asks=command.asks,
             step=step,
+            **looked_at(command),
         )
         self.sent[command.number] = (dict(record.content), record.at_ms)
         self.outbox.append(command)
@@ -121,6 +126,8 @@ class Progress:
             lasts_ms=each.lasts_ms,
             timeout_ms=each.timeout_ms,
             asks=each.asks,
+            looks=each.looks,
+            watches=each.watches,
         )
         self.post(command, each.id)
 
@@ -155,7 +162,7 @@ class Progress:
         """Ask for a review of the plan if this step has ended much later, or sooner, than it was forecast to."""
         each = self.compiled.program.activities[activity]
         off = self.standing.now_ms - (each.start_ms + each.lasts_ms)
-        if abs(off - self.off_ms) >= max(NOTICED_MS, each.lasts_ms // 10):
+        if abs(off - self.off_ms) >= self.calm * max(NOTICED_MS, each.lasts_ms // 10):
             self.off_ms, self.review = off, self.review or OTHERWISE
 
     def result(self, activity: int, reply: Reply) -> None:
@@ -182,3 +189,9 @@ class Progress:
             command=None,
             reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
         )
+
+
+def looked_at(command: Command) -> dict[str, list[str]]:
+    """What a command's device looks at, as a record has it; nothing where it looks at nothing."""
+    found = {"looks": list(command.looks), "watches": list(command.watches)}
+    return {key: value for key, value in found.items() if value}

@@ -7,6 +7,7 @@ from typing import Any
 
 from engine.model.cases import Revision
 from engine.pipelines.attainment import GivenUp
+from engine.pipelines.execution.adding import wished
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.scope import Scope
@@ -38,6 +39,7 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "chains": {c.name: len(c.stages) for c in scope.problem.chains},
         "lost": list(scope.lost),
         "blocked": list(map(str, scope.blocked)),
+        **({"wishes": wishes} if (wishes := wished(scope.problem)) else {}),
     }
 
 
@@ -59,6 +61,8 @@ def _step_entry(a: Activity, step: Step, compiled: Compiled) -> dict[str, Any]:
         "asks": a.asks,
         "rests": a.rests,
         "process": a.process,
+        "looks": list(a.looks),
+        "watches": list(a.watches),
         "duration": step.duration,
         "cost": step.cost,
         "adds": list(map(str, change.adds)),
@@ -114,6 +118,8 @@ def _activity(each: Mapping[str, Any]) -> Activity:
         each.get("asks", False),
         each.get("rests", True),
         each.get("process", False),
+        tuple(each.get("looks", ())),
+        tuple(each.get("watches", ())),
     )
 
 

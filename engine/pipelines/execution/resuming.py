@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.model.execution import Order, Phase, Record, RecordKind
-from engine.pipelines.execution.pauses import merged
+from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.records import read_atom, scope_of
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.simulation import Achievement, World
@@ -90,11 +90,10 @@ class Past:
         }
         self.paused = self.replans = False
         if content["why"] == Order.ADD.value:
-            from kb.commands import understand
-
-            found = understand(self.scope.problem, self.added)
-            self.whole = merged(self.whole or self.scope.problem, found)
-            self.scope = replace(self.scope, problem=merged(self.scope.problem, found))
+            words = addition(self.scope.problem, self.added).words
+            wishes = tuple(map(read_atom, content.get("wishes", ())))
+            self.whole = extended(self.whole or self.scope.problem, words, ())
+            self.scope = replace(self.scope, problem=extended(self.scope.problem, words, wishes))
         self.scope = scope_of(self.scope, content)
         self.world.chains = self.scope.problem.chains
         for chain in self.world.chains:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from engine.model.cases import Revision
 from engine.model.outcome import Found
 from engine.pipelines import planning
+from engine.pipelines.execution.choosing import Choice, busy, choices
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
 from engine.pipelines.execution.planned import SHORT, Ready, again, ready
 from engine.pipelines.execution.progress import Progress
@@ -33,10 +34,13 @@ SHARE = 50  # or this part of what is left, if that is more
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """What will come of a program as things stand: by how much things stay too long in all, and when all is done."""
+    """What will come of a program as things stand: by how much things stay too long in all, when all is done, and when its
+    steps will have ended on the average.
+    """
 
     late_ms: int
     end_ms: int
+    mean_ms: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,22 +66,40 @@ def reviewed(course: Progress, scope: Scope, limits: Limits) -> Better | None:
     return Better(best[1], _said(present, best[0]))
 
 
-def _value(found: Prospect) -> tuple[int, int]:
-    return found.late_ms, found.end_ms
+def chosen(course: Progress, scope: Scope) -> Choice | None:
+    """The choice among equal things with which all is done soonest; None if that of the plan loses nothing."""
+    now = course.driver.now_ms()
+    best, found = _value(prospect(course.compiled.program, course.standing, now)), None
+    for choice in choices(course, scope):
+        value = _value(prospect(choice.joined.ready.compiled.program, choice.joined.standing, now))
+        if value < best:
+            best, found = value, choice
+    return found
+
+
+def _value(found: Prospect) -> tuple[int, int, int]:
+    return found.late_ms, found.end_ms, found.mean_ms
 
 
 def _pays(present: Prospect, other: Prospect, now_ms: int) -> bool:
-    """Whether it is worth it to follow another plan."""
+    """Whether it is worth it to follow another plan: one that is done sooner, or no later and with its steps sooner.
+
+    What is done early cannot be late any more, so steps that need not wait do not wait.
+    """
     if other.late_ms != present.late_ms:
         return other.late_ms < present.late_ms
-    return present.end_ms - other.end_ms > max(PAYS_MS, (present.end_ms - now_ms) // SHARE)
+    least = max(PAYS_MS, (present.end_ms - now_ms) // SHARE)
+    sooner = present.end_ms - other.end_ms
+    return sooner > least or (sooner >= 0 and present.mean_ms - other.mean_ms > least)
 
 
 def _said(present: Prospect, other: Prospect) -> str:
     if other.late_ms < present.late_ms:
         saved = (present.late_ms - other.late_ms) / 1000
         return f"things stay {saved:g} s less than before beyond what they may"
-    return f"all is done {(present.end_ms - other.end_ms) / 1000:g} s sooner"
+    if other.end_ms < present.end_ms:
+        return f"all is done {(present.end_ms - other.end_ms) / 1000:g} s sooner"
+    return f"steps end {(present.mean_ms - other.mean_ms) / 1000:g} s sooner on the average"
 
 
 def prospect(program: Program, standing: Standing, now_ms: int) -> Prospect:
@@ -90,7 +112,7 @@ def prospect(program: Program, standing: Standing, now_ms: int) -> Prospect:
             until = ends[dwell.source] + dwell.most_ms
         if until is not None and dwell.target in begins:
             late += max(0, begins[dwell.target] - until)
-    return Prospect(late, max(ends.values(), default=now_ms))
+    return Prospect(late, max(ends.values(), default=now_ms), sum(ends.values()) // max(1, len(ends)))
 
 
 def _times(program: Program, standing: Standing, now_ms: int) -> tuple[Mapping[int, int], Mapping[int, int]]:
@@ -131,7 +153,7 @@ def _others(course: Progress, scope: Scope, limits: Limits, late: bool) -> Itera
     rest = scope.rest(state)
     try:
         if len(left.steps) <= SHORT:
-            yield again(rest, left, now, limits, course.since)
+            yield again(rest, left, now, limits, course.since, busy(course, rest))
         if late and (plan := _taken_away(course, scope, state, limits)) is not None:
             yield ready(rest, plan, keeping(rest, plan).starts, now, since=course.since)
     except InvalidInput:

@@ -4,19 +4,20 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
+from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.checkpoints import state_of
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
 from engine.pipelines.execution.orders import Given, Orders
-from engine.pipelines.execution.pauses import Refused, changed, merged
+from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.progress import EVERY, Turn
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import compiled_of, plan_entry, read_atom
 from engine.pipelines.execution.resuming import Past
-from engine.pipelines.execution.reviewing import reviewed
+from engine.pipelines.execution.reviewing import chosen, reviewed
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import settle
 from engine.pipelines.measuring import Measuring
@@ -25,7 +26,6 @@ from engine.pipelines.simulation import World
 from engine.ports import Driver
 from engine.stages.execution import Program, Running, Standing, standing_of
 from engine.stages.planning import Limits
-from kb.commands import understand
 from kb.model.faults import FaultModel
 from kb.model.plan import StepId
 from kb.model.problem import Problem
@@ -171,6 +171,9 @@ class Execution:
             elif turn.review:
                 self._reviewed(course, handler, turn.why)
                 continue
+            elif turn.idle:
+                self._chosen(course, handler)
+                continue
             elif turn.phase is Phase.HANDLING:
                 ended = self._handled(course, handler, turn)
             elif turn.phase is Phase.FINISHED:
@@ -242,7 +245,8 @@ class Execution:
             return None
         if given.order is Order.ADD:
             self.added = True
-            self.problem = merged(self.problem, understand(handler.scope.problem, given.text))
+            more = addition(handler.scope.problem, given.text)
+            self.problem = extended(self.problem, more.words, ()) if more.words else self.problem
         handler.scope = scope
         self.follow(course, scope, found.ready, given.order.value, found.standing)
         return None
@@ -250,11 +254,25 @@ class Execution:
     def _reviewed(self, course: Course, handler: ExceptionHandler, why: str) -> None:
         """Follow a better plan for what is left, if there is one: one that keeps what this one would break, or is sooner done."""
         found = reviewed(course, handler.scope, self.limits)
+        course.calm = 1 if found is not None else 2 * course.calm
         if found is not None:
             self.recorder.note(
                 RecordKind.DECISION, what="another order of what is left", why=f"{why}: {found.why}"
             )
             self.follow(course, handler.scope, found.joined.ready, "reschedule", found.joined.standing)
+
+    def _chosen(self, course: Course, handler: ExceptionHandler) -> None:
+        """Let equal things exchange their roles, if all is sooner done so."""
+        found = chosen(course, handler.scope)
+        if found is not None:
+            waited = course.waited
+            self.recorder.note(
+                RecordKind.DECISION,
+                what=f"exchanged: {found.what}",
+                why="all is done sooner with what is free",
+            )
+            self.follow(course, handler.scope, found.joined.ready, "choice", found.joined.standing)
+            course.waited = waited
 
     def _finished(self, course: Course, handler: ExceptionHandler) -> Finish:
         """The end of the last plan: whether all original goals hold is looked up in the world, not taken from the plan."""

@@ -71,4 +71,6 @@ def _command(entry: Content) -> Command:
         entry["timeout_ms"],
         entry["about"],
         entry["asks"],
+        tuple(entry.get("looks", ())),
+        tuple(entry.get("watches", ())),
     )

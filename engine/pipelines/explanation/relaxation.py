@@ -5,6 +5,7 @@ Static rules are evaluated exactly; only what changes is relaxed.
 
 from collections.abc import Iterator, Sequence
 
+from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.program import (
     Schema,
     Vocabulary,
@@ -15,6 +16,7 @@ from engine.stages.grounding.program import (
     effect_rules,
     instance,
     instance_rule,
+    is_conditional,
     reachable,
     rule,
     schemas,
@@ -40,7 +42,9 @@ def relaxed_rules(problem: Problem) -> str:
     made = list(schemas(problem.domain, normaliser, vocabulary))
     effects = list(conditionals(problem.domain, normaliser, vocabulary))
     goals = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
-    vocabulary = Vocabulary(problem.domain, normaliser.rules)
+    plain = expanded(problem.domain.rules, problem.domain, Vocabulary(problem.domain).is_dynamic)
+    derived = (*plain.rules, *plain.reach, *normaliser.rules)
+    vocabulary = Vocabulary(problem.domain, derived)
     lines: list[str] = []
     for schema in made:
         lines += [
@@ -51,8 +55,10 @@ def relaxed_rules(problem: Problem) -> str:
     for each in effects:
         for schema in made:
             if each.operator is schema.operator and each.effect.adds:
-                lines.append(rule(reachable(each.effect.atom), conditional_body(each, schema)))
-    lines += [derived_rule(each, vocabulary) for each in (*problem.domain.rules, *normaliser.rules)]
+                happens = each.effect.atom.name in vocabulary.events
+                head = f"_h_{each.effect.atom}" if happens else reachable(each.effect.atom)
+                lines.append(rule(head, conditional_body(each, schema)))
+    lines += [derived_rule(each, vocabulary) for each in derived]
     lines += [line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)]
     for number, alternatives in enumerate(goals):
         for disjunct in alternatives:
@@ -96,7 +102,7 @@ def _defaults(problem: Problem) -> Iterator[str]:
 
 def _events(schema: Schema, vocabulary: Vocabulary) -> Iterator[str]:
     for effect in schema.operator.effects:
-        if effect.adds and effect.atom.name in vocabulary.events:
+        if effect.adds and effect.atom.name in vocabulary.events and not is_conditional(effect):
             yield rule(f"_h_{effect.atom}", [instance(schema)])
 
 

@@ -7,14 +7,13 @@ import numpy as np
 
 from engine.model.geometry import Floats
 from engine.model.motion import Answer, Moved, Query, Strategy
+from engine.pipelines.files import initial_facts
 from engine.pipelines.motion.ends import End, carried, end_of, tool_of
 from engine.pipelines.motion.legs import APPROACH, FREE, RETRACT, Departures, Leg, departures, leg_of
 from engine.pipelines.motion.timing import Timed, timed
 from engine.pipelines.motion.zones import zones_of
-from engine.pipelines.planning import initial_facts
 from engine.plugins import geometry_backend
 from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.world.following import following
@@ -23,6 +22,7 @@ from engine.stages.motion.planner import plan
 from engine.stages.motion.refining import proved_and_refined
 from engine.stages.motion.trajectory import Limits
 from engine.stages.motion.upright import Level
+from kb.loader.cell import cell_of
 
 UNKNOWN_SPEED = 1.0  # rad/s or m/s
 SWIFT = 4.0  # 1/s: of a joint whose acceleration is unknown: full speed after a quarter of a second

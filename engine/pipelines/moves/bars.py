@@ -29,7 +29,10 @@ def _spared(operator: Operator, refused: list[Unmoved]) -> Operator | None:
     for each in refused:
         others: list[Condition] = [
             Comparison(variable, "!=", value)
-            for variable, value in zip(operator.variables, each.operator.arguments, strict=True)
+            for n, (variable, value) in enumerate(
+                zip(operator.variables, each.operator.arguments, strict=True)
+            )
+            if n not in each.regardless
         ]
         others += [Literal(fact, positive=False) for fact in each.while_true]
         if not others:

@@ -9,7 +9,7 @@ from engine.model.motion import Blocked, Moved, Query
 from engine.model.moves import Leg, LegKind
 from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry.world.model import World
-from engine.stages.motion.planner import plan as plan_way
+from engine.stages.motion.kept import KeptRoadmaps
 from engine.stages.motion.trajectory import Limits, fastest
 from kb.model.cell import BodyKind, Cell, Place
 
@@ -30,11 +30,12 @@ class Front:
 
 @dataclass(eq=False)
 class Hands:
-    """Where the arms of a cell are, and before or in which places."""
+    """Where the arms of a cell are, before or in which places, and the ways that they know."""
 
     cell: Cell
     seed: int = 0
     bridges: int = 30
+    roadmaps: KeptRoadmaps = field(default_factory=KeptRoadmaps)
     _now: dict[str, Floats] = field(default_factory=dict)
     _front: dict[str, Front] = field(default_factory=dict)
 
@@ -89,7 +90,7 @@ class Hands:
             bridges=self.bridges,
             moving=tuple(range(first, first + count)),
         )
-        answer = plan_way(room.free(arm), query)
+        answer = self.roadmaps.plan(room.free(arm), query)
         if isinstance(answer, Blocked):
             answer = self._by_rest(room, arm, query) or answer
         if isinstance(answer, Moved):
@@ -103,10 +104,10 @@ class Hands:
         home = room.whole(arm, self._home[arm][None])[0]
         if np.abs(home - query.start).max() < 1e-9:
             return None
-        back = plan_way(room.free(arm), replace(query, goals=home[None]))
+        back = self.roadmaps.plan(room.free(arm), replace(query, goals=home[None]))
         if not isinstance(back, Moved):
             return None
-        on = plan_way(room.free(arm), replace(query, start=home))
+        on = self.roadmaps.plan(room.free(arm), replace(query, start=home))
         if not isinstance(on, Moved):
             return None
         path = np.concatenate([back.path, on.path[1:]])

@@ -19,12 +19,12 @@ from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.validation.changes import State
 from engine.stages.validation.semantics import Semantics
-from kb.model.cell import Cell, Location, Operation, Place
+from kb.model.cell import Cell, Ends, Location, Operation, Place
 from kb.model.plan import Plan, Step
 from kb.syntax import SECONDS
-from kb.terms import Atom, Function, Term, match, substitute
+from kb.terms import Atom, Function, Term, Variable, match, substitute, variables
 
-_Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, str, bool]
+_Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, bytes, str, bool]
 _Outcome = tuple[MovedStep | Unmoved, Floats, Front | None]
 
 
@@ -41,8 +41,11 @@ class Walk:
     seed: int = 0
     bridges: int = 30
     ways: Ways = field(default_factory=dict)
+    lying: Mapping[str, Floats] = field(
+        default_factory=dict
+    )  # poses (4, 4) of bodies that no fact puts anywhere
     _last: tuple[State, frozenset[Atom]] = (frozenset(), frozenset())
-    _rooms: dict[frozenset[Atom], Room] = field(default_factory=dict)
+    _rooms: dict[tuple[frozenset[Atom], bytes], Room] = field(default_factory=dict)
     _known: dict[_Situation, _Outcome] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -89,7 +92,7 @@ class Walk:
         front = self.hands.standing(arm)
         there, inside = (front.place, front.inside) if front else ("", False)
         facts = self._located(before), self._located(after)
-        return (step.operator, *facts, self.hands.now(arm).tobytes(), there, inside)
+        return (step.operator, *facts, self._lying, self.hands.now(arm).tobytes(), there, inside)
 
     def _refined(
         self, step: Step, operation: Operation, place: Place, before: State, after: State
@@ -100,16 +103,41 @@ class Walk:
         ).moved()
         if isinstance(found, MovedStep):
             return found
-        standing = {*found.culprits, *held(rooms[0].world, place.arm)}
-        return replace(found, while_true=_placing(self.cell, before, standing))
+        standing = _carrying(rooms[0].world, place, {*found.culprits, *held(rooms[0].world, place.arm)})
+        while_true = _placing(self.cell, before, standing)
+        return replace(found, while_true=while_true, regardless=self._regardless(found, operation))
+
+    def _regardless(self, found: Unmoved, operation: Operation) -> frozenset[int]:
+        """The arguments of a refused step that do not matter: those that its place does not name, where only the place refuses.
+
+        A way depends on where the arm comes from, a step back out of the place on what the step does there.
+        """
+        own = [each for each in self.cell.operations if each.operator.name == operation.operator.name]
+        if found.level == "way" or len(own) != 1 or own[0].at is None:
+            return frozenset()
+        if found.level == "approach" and operation.ends is Ends.OUTSIDE:
+            return frozenset()
+        named = set(variables(own[0].at))
+        return frozenset(
+            n
+            for n, each in enumerate(own[0].operator.arguments)
+            if isinstance(each, Variable) and each not in named
+        )
 
     def room(self, state: State) -> Room:
         """The cell in a state, with the arms where they are."""
         facts = self._located(state)
-        if facts not in self._rooms:
-            world = following(World.of(self.cell), facts)
-            self._rooms[facts] = Room(world, self.backend, self._kinematics)
-        return self._rooms[facts]
+        key = facts, self._lying
+        if key not in self._rooms:
+            world = World.of(self.cell)
+            for name, T in self.lying.items():
+                world = world.put(name, "world", T)
+            self._rooms[key] = Room(following(world, facts), self.backend, self._kinematics)
+        return self._rooms[key]
+
+    @property
+    def _lying(self) -> bytes:
+        return b"".join(name.encode() + T.tobytes() for name, T in sorted(self.lying.items()))
 
     def _located(self, state: State) -> frozenset[Atom]:
         """The facts of a state that put a body somewhere. What the last state had in common with it is not looked at again."""
@@ -180,6 +208,12 @@ def operation_of(cell: Cell, step: Function) -> Operation | None:
             at: Term | None = None if operation.at is None else substitute(operation.at, bindings)
             return replace(operation, operator=step, at=at)
     return None
+
+
+def _carrying(world: World, place: Place, bodies: set[str]) -> set[str]:
+    """Some bodies, and all that carries them, the arm or the place: what stands where decides whether the arm gets there."""
+    ends = (*bodies, f"{place.arm}.base", place.placement.parent)
+    return {on for each in ends for on in world.supports(each)}
 
 
 def _placing(cell: Cell, state: State, bodies: Collection[str]) -> tuple[Atom, ...]:

@@ -52,7 +52,8 @@ def by_sequence(
     started = time.perf_counter()
     if not chooses_tools(problem.domain):
         return None
-    way = itinerary(problem, TourLimits(seed=limits.seed, interrupted=limits.interrupted), store)
+    asked = TourLimits(seed=limits.seed, interrupted=limits.interrupted, sharp=False)
+    way = itinerary(problem, asked, store)
     if way is None:
         return None
     sequencing = time.perf_counter() - started

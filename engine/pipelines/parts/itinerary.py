@@ -1,13 +1,14 @@
 """The parts of an inspection in the order of the sequencer: one part for each measurement that the goals ask for."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import groupby
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby, pairwise
 
 from engine.model.measurements import chooses_tools, named
 from engine.model.measurements import wanted as wanted_of
 from engine.model.tour import Tour, TourProblem, cost_of
 from engine.pipelines.inspection import Partition, partition, tour_problem
+from engine.pipelines.inspection.demands import Demands
 from engine.pipelines.inspection.places import with_places
 from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.sequencing import Limits, sequence
@@ -30,7 +31,7 @@ class Itinerary:
     """The measurements of an inspection in the order of a tour, each with its tool.
 
     `kept` says that the order was kept in a store. Of an order that is not `fixed`, visits by one tool may come the other way
-    round; `altered` says that some do.
+    round; `altered` says that some do. `unasked` are measurements that cannot be made, with the reasons, which no goal asks for.
     """
 
     visits: tuple[tuple[str, str], ...]
@@ -40,6 +41,7 @@ class Itinerary:
     kept: bool = False
     fixed: bool = True
     altered: bool = False
+    unasked: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def runs(self) -> list[range]:
@@ -86,22 +88,50 @@ class Itinerary:
 def itinerary(problem: Problem, limits: Limits = Limits(), store: str = "") -> Itinerary | None:
     """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order.
 
-    The sequence that is kept in `store` is used, and one is kept there if there is none. Raises `InvalidInput`.
+    The sequence that is kept in `store` is used, and one is kept there if there is none. A workflow that only says which
+    measurement comes before which is kept. Raises `InvalidInput`.
     """
-    if problem.chains or not chooses_tools(problem.domain):
+    if not chooses_tools(problem.domain):
         return None
     wanted = wanted_of(problem)
-    if len(wanted) < 2:
+    before = order_of(problem, wanted) if problem.chains else ()
+    if len(wanted) < 2 or before is None:
         return None
     placed = with_places(problem)
-    parts = _only(partition(placed), wanted)
+    every = partition(placed)
+    parts = _only(every, wanted)
     if sum(map(len, parts.groups.values())) < 2:
         return None
-    return _kept(placed, parts, limits, store) if store else _made(placed, parts, limits)
+    if store and not before:
+        found: Itinerary | None = _kept(placed, parts, limits, store)
+    else:
+        found = _made(placed, parts, limits, Demands(before=before))
+    unasked = {name: why for name, why in every.impossible.items() if name not in wanted}
+    return replace(found, unasked=unasked) if found else None
 
 
-def _made(problem: Problem, parts: Partition, limits: Limits) -> Itinerary | None:
-    asked = tour_problem(problem, parts)
+def order_of(problem: Problem, wanted: Collection[str]) -> tuple[tuple[str, str], ...] | None:
+    """The pairs (first, second) of measurements that a workflow orders; None if it asks for anything but measurements.
+
+    A measurement that is made stays made, so a plan can reach its stage too early: the tour has to keep the order.
+    """
+    measured = problem.domain.conventions.measured
+    stages: dict[str, list[str]] = {}
+    for chain in problem.chains:
+        for stage in chain.stages:
+            about = named(Literal(stage), wanted)
+            if stage.name != measured or len(about) != 1:
+                return None
+            stages.setdefault(chain.name, []).extend(about)
+    pairs = [pair for each in stages.values() for pair in pairwise(each)]
+    pairs += [
+        (stages[name][-1], stages[c.name][0]) for c in problem.chains for name in c.after if name in stages
+    ]
+    return tuple(dict.fromkeys(pair for pair in pairs if pair[0] != pair[1]))
+
+
+def _made(problem: Problem, parts: Partition, limits: Limits, more: Demands) -> Itinerary | None:
+    asked = tour_problem(problem, parts, more)
     tour = sequence(asked, limits)
     if not isinstance(tour, Tour):
         return None

@@ -225,7 +225,7 @@ class Practice:
         inner = self.subsequences(problem.domain)
         outcome, task = planning.planned(problem, self.limits, inner.offered())
         seconds = time.perf_counter() - started
-        if self.learns and isinstance(outcome, Found):
+        if self.learns and isinstance(outcome, Found) and not problem.domain.counts_fluents:
             inner.note(outcome.statistics)
             if whole:
                 inner.study(problem, outcome.plan, task, here, self.limits.interrupted)

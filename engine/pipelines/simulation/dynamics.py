@@ -9,7 +9,7 @@ from engine.stages.grounding import ground
 from engine.stages.validation.changes import Change, Denial, State
 from engine.stages.validation.datalog import Facts, holds, solve
 from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import Literal, goal_parts
+from kb.model.conditions import Literal, StateAggregate, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import Listed, advanced, begun, holding, reached_as
 from kb.terms import Atom, Function, is_ground, match, ordered, substitute_atom
@@ -168,7 +168,7 @@ class Dynamics:
             return [atom]
         for rule in self.problem.domain.rules:
             bindings = match(rule.head, atom, {})
-            if bindings is None:
+            if bindings is None or any(isinstance(part, StateAggregate) for part in rule.body):
                 continue
             fluents = [
                 p for p in rule.body if isinstance(p, Literal) and self.semantics.fluents_behind(p.atom.name)

@@ -1,6 +1,15 @@
 """The built-in driver `sim`: a cell on a virtual clock, in which an hour takes milliseconds, and faults happen as ordered."""
 
-from engine.pipelines.simulator.driver import Simulator, simulator
+from engine.pipelines.simulator.driver import Simulator, fault_base, number_of, settings_of, simulator
 from engine.pipelines.simulator.hidden import HiddenCell, Injection, possible
 
-__all__ = ["HiddenCell", "Injection", "Simulator", "possible", "simulator"]
+__all__ = [
+    "HiddenCell",
+    "Injection",
+    "Simulator",
+    "fault_base",
+    "number_of",
+    "possible",
+    "settings_of",
+    "simulator",
+]

@@ -57,6 +57,7 @@ class Simulator:
         self._queues: dict[str, deque[int]] = {}
         self._continued: set[int] = set()
         self._times: dict[str, int] = {}
+        self._broken: dict[int, str] = {}  # what is not so that a command looks at
         self._out: list[Message] = []
         self._log = Log(self.settings.log)
         for each in self._log.past():
@@ -125,6 +126,8 @@ class Simulator:
         if self.settings.spread and command.kind is CommandKind.STEP:
             time_ = self._times[command.action] = self._times.get(command.action, 0) + 1
             lasts = drawn(self.settings, command.action, time_, lasts)
+        if broken := self.cell.missing(command.looks):
+            self._broken[command.number], lasts = broken, 0
         self._under_way[command.number] = self._now + lasts
         heapq.heappush(self._ends, (self._now + lasts, command.number))
 
@@ -156,6 +159,7 @@ class Simulator:
             self._now = max(self._now, when)
             del self._under_way[number]
             self._end(self._commands[number])
+            self._watch()
             self._next(self._commands[number].stream)
         self._now = max(self._now, due_ms)
 
@@ -167,7 +171,17 @@ class Simulator:
         else:
             self._answer(Reply(command.number, text, self._now))
 
+    def _watch(self) -> None:
+        """End every command at once that watches something which is not so any more."""
+        for number in self._under_way:
+            if broken := self.cell.missing(self._commands[number].watches):
+                self._broken.setdefault(number, broken)
+                self._under_way[number] = self._now
+                heapq.heappush(self._ends, (self._now, number))
+
     def _outcome(self, command: Command) -> str | None:
+        if (broken := self._broken.pop(command.number, "")) != "":
+            return f"not({broken})"
         match command.kind:
             case CommandKind.STEP:
                 return self.cell.take(command.action, command.expects)
@@ -234,25 +248,31 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 def simulator(setup: DriverSetup) -> Simulator:
     """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log. Raises `InvalidInput`."""
-    known = ("spread", "lookahead", "fault", "log")
+    settings = settings_of(setup)
+    cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
+    return Simulator(cell, settings)
+
+
+def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
+    """How a simulated cell behaves. `more` are options that its driver has beside these. Raises `InvalidInput`."""
+    known = ("spread", "lookahead", "fault", "log", *more)
     if unknown := [name for name in setup.options if name not in known]:
         hint = f"one of: {', '.join(known)}"
         raise InvalidInput(
             [Diagnostic(Source("--option"), "K408", f"the simulator has no option '{unknown[0]}'", hint)]
         )
-    settings = Settings(
+    return Settings(
         setup.seed,
         setup.factor,
-        _number(setup.options, "spread"),
-        max(1, int(_number(setup.options, "lookahead", 1))),
+        number_of(setup.options, "spread"),
+        max(1, int(number_of(setup.options, "lookahead", 1))),
         tuple(_injection(each.strip()) for each in setup.options.get("fault", "").split(";") if each.strip()),
         setup.options.get("log", ""),
     )
-    cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
-    return Simulator(cell, settings)
 
 
-def _number(options: Mapping[str, str], name: str, default: float = 0.0) -> float:
+def number_of(options: Mapping[str, str], name: str, default: float = 0.0) -> float:
+    """An option of a driver as a number. Raises `InvalidInput`."""
     try:
         return float(options.get(name, default))
     except ValueError:

@@ -2,8 +2,9 @@
 
 import random
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from engine.model.cases import Hypothesis
 from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, World, WorldState
@@ -15,10 +16,11 @@ from engine.stages.macros.lifted.execution import Execution
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import CellDomain, StepChange
 from kb.asp import ground_term
+from kb.model.domain import Kind
 from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Step, StepId
 from kb.model.problem import Problem
-from kb.terms import Function, match
+from kb.terms import Atom, Function, match
 
 SILENCE = "timeout"  # the reply of the fault base for a step that is never answered
 FAILED = "failed"
@@ -48,9 +50,32 @@ class Fault:
     answers: HiddenWorld
 
 
+class PhysicalBody(Protocol):
+    """What a cell is made of, where steps of arms are really moved: it knows whether they have worked."""
+
+    def carries_out(self, step: Function, before: Collection[Atom], after: Collection[Atom]) -> bool:
+        """Take a step; whether it has led from the facts before it to those after it."""
+        ...
+
+    def misfit(self, facts: Collection[Atom], before: Collection[Atom], after: Collection[Atom]) -> int:
+        """After such a step, in how many bodies some facts are wrong."""
+        ...
+
+    def failed(self, facts: Collection[Atom]) -> None:
+        """A step has failed, and these facts are true now."""
+        ...
+
+    def repaired(self, before: Collection[Atom], after: Collection[Atom]) -> None:
+        """A repair has helped, and has led from some facts to others."""
+        ...
+
+
 @dataclass
 class HiddenCell:
-    """A cell as it really is. `faults` are there now; the state is that of `world` as long as none is."""
+    """A cell as it really is. `faults` are there now; the state is that of `world` as long as none is.
+
+    With a `body`, steps fail as physics has it. The cause is then the one that explains best where everything is.
+    """
 
     problem: Problem
     model: FaultModel | None
@@ -60,6 +85,7 @@ class HiddenCell:
     done: list[Achievement] = field(default_factory=list)
     times: dict[str, int] = field(default_factory=dict)
     helped: list[str] = field(default_factory=list)
+    body: PhysicalBody | None = None
 
     def __post_init__(self) -> None:
         self.dynamics = Dynamics(self.problem)
@@ -67,7 +93,7 @@ class HiddenCell:
         start = self.dynamics.start()
         self._know(start)
         spoils = [] if self.model is None else [a.name for c in self.model.causes.values() for a in c.spoils]
-        self._kept = frozenset(spoils) if self.injections else frozenset[str]()
+        self._kept = frozenset(spoils) if self.injections or self.body else frozenset[str]()
 
     def _know(self, state: WorldState) -> None:
         self.world = World(self.problem.chains, set(state.facts), dict(state.reached))
@@ -82,6 +108,11 @@ class HiddenCell:
             return self._fail(step, *found)
         if (failing := self._failing(step)) is not None:
             return failing
+        if self.body is not None and not self.dynamics.refusal(step, self.world.state):
+            before = self.world.state
+            after = self.dynamics.after(step, before)
+            if not self.body.carries_out(step, before.facts, after.facts):
+                return self._shown(step, self.body, before, after)
         return self._reply(step, expects) if not self._refused(step) else self._blind(step)
 
     def _injected(self, step: Function) -> tuple[Injection, Interruption] | None:
@@ -108,6 +139,26 @@ class HiddenCell:
             Fault(cell, (injection.cause,), HiddenWorld(self.model, Hypothesis((injection.cause,)), chance))
         )
         return None if exception.reply == SILENCE else exception.reply
+
+    def _shown(self, step: Function, body: PhysicalBody, before: WorldState, after: WorldState) -> str | None:
+        """The reply to a step that physics has made fail, by the cause that explains best where everything is now.
+
+        Of several that explain it as well, the most frequent one is there.
+        """
+        model, found = self.model, list[tuple[int, float, Injection, Interruption]]()
+        for each in _exceptions(model, step) if model is not None else ():
+            assert model is not None
+            cell = FaultyCell(self.dynamics, model, each.name, binding_of(model, each.name, step), step)
+            for cause, count in each.counts.items():
+                facts = cell.begun(before, (cause,)).facts
+                wrong = body.misfit(facts, before.facts, after.facts)
+                found.append((wrong, -count, Injection(str(step), cause), each))
+        if not found:
+            return FAILED
+        *_, injection, exception = min(found, key=lambda each: each[:2])
+        reply = self._fail(step, injection, exception)
+        body.failed(self.world.facts)
+        return reply
 
     def _failing(self, step: Function) -> str | None:
         """How a step fails because of what is there; None if nothing hinders it. Silence is answered late, as a failure."""
@@ -162,6 +213,19 @@ class HiddenCell:
         chance = random.Random(f"{self.seed} {step} {self.times[str(step)]}")
         return VARIABLE.sub(lambda _: str(round(chance.gauss(0, 20))), expects)
 
+    def missing(self, looked_at: Sequence[str]) -> str:
+        """The first of some facts that is not so; empty if all are.
+
+        Only what changes with the state can be missed here: fluents, and what is derived from them.
+        """
+        if not looked_at:
+            return ""
+        facts = self.dynamics.facts(self.world.state)
+        known = self.problem.domain.predicates
+        seen = {name for name, each in known.items() if each.kind in (Kind.FLUENT, Kind.DERIVED)}
+        atoms = {text: _instance(text) for text in looked_at}
+        return next((text for text, atom in atoms.items() if atom.name in seen and atom not in facts), "")
+
     def answer(self, action: str) -> str:
         """The outcome of a test or a repair. A repair that helps puts right what it was for."""
         assert self.model is not None
@@ -182,9 +246,12 @@ class HiddenCell:
         assert self.model is not None
         cured = [fault for fault, outcome in zip(self.faults, outcomes, strict=False) if outcome == CURED]
         for fault in cured:
+            before = self.world.state.facts
             self._know(fault.cell.cured(self.world.state, self.model.repairs[action]))
             self.faults.remove(fault)
             self.helped.append(action)
+            if self.body is not None:
+                self.body.repaired(before, self.world.state.facts)
         return CURED if cured else outcomes[0]
 
     def _sound(self) -> Fault:

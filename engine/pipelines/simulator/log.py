@@ -11,6 +11,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
 
 LARGEST = 2**30  # bytes of a log that is read again
+LOOKED = ("looks", "watches")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,8 @@ def _sent(entry: dict[str, Any]) -> Sent:
 
 
 def _entry(command: Command) -> dict[str, Any]:
-    return {
+    looked = {key: value for key in LOOKED if (value := list(getattr(command, key)))}
+    return looked | {
         "number": command.number,
         "kind": command.kind.value,
         "stream": command.stream,
@@ -125,4 +127,6 @@ def _command(entry: dict[str, Any]) -> Command:
         choices=tuple(entry["choices"]),
         lasts_ms=entry["lasts_ms"],
         about=entry["about"],
+        looks=tuple(entry.get("looks", ())),
+        watches=tuple(entry.get("watches", ())),
     )

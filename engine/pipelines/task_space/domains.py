@@ -13,12 +13,21 @@ from engine.pipelines.task_space.vocabulary import Vocabulary, whole
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.files import File, read_file
 from kb.loader.tree import Node, read_tree
-from kb.model.contacts import ContactModel
+from kb.model.contacts import ConditionKind, ContactModel
 from kb.model.domain import Domain
 from kb.model.octuples import Octuple, variable
 
 LISTS = ("defaults", "deductive_operators")
-SECTIONS = ("types", "functions", "objects", "fluents", "defaults", "operators", "deductive_operators")
+SECTIONS = (
+    "types",
+    "functions",
+    "objects",
+    "statics",
+    "fluents",
+    "defaults",
+    "operators",
+    "deductive_operators",
+)
 Lines = dict[str, list[str]]
 
 
@@ -33,6 +42,7 @@ def domain_file(model: ContactModel, net: Net, domain: Domain) -> File:
     ]
     lines["operators"] = [line for each in _unique(operators(net, vocabulary)) for line in each.lines]
     _joints(model, lines)
+    _gauges(model, lines)
     lines["deductive_operators"] += _deduction(model, vocabulary)
     lines["defaults"] += [*_start(model, vocabulary), "void(Anchor)"]
     file = read_file(Path(domain.path))
@@ -64,6 +74,20 @@ def _joints(model: ContactModel, lines: Lines) -> None:
     if own:
         lines["types"].append(f"joint: [{', '.join(f'{joint.name}_joint' for joint in own)}]")
         lines["fluents"].append("setting(joint, object): {}")
+
+
+def _gauges(model: ContactModel, lines: Lines) -> None:
+    """What sensors and clocks can read. The plan knows nothing of it: it is looked at when a step begins."""
+    looked_at = [each for each in model.restrictions if each.kind is not ConditionKind.JOINT]
+    if not looked_at:
+        return
+    values: dict[str, list[str]] = {}
+    for each in looked_at:
+        values.setdefault(each.subject, []).append(f"{each.subject}_{each.value}")
+    for subject, found in values.items():
+        lines["types"].append(f"{subject}_reading: [{', '.join(dict.fromkeys(found))}]")
+    lines["types"].append(f"gauge: [{', '.join(f'{subject}_gauge' for subject in values)}]")
+    lines["statics"].append("gauge_reads(gauge, object): {}")
 
 
 def _start(model: ContactModel, vocabulary: Vocabulary) -> Iterator[str]:

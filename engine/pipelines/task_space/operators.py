@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from engine.model.task_space import Net, Transition
 from engine.pipelines.task_space.vocabulary import Vocabulary, whole
 from engine.stages.states.tokens import bodies, moved_by_hand
-from kb.model.contacts import ConditionKind, Meaning, PermanentContact, describes
+from kb.model.contacts import ConditionKind, Meaning, PermanentContact, Restriction, describes
 from kb.model.octuples import ANY, Octuple, Quadruple, variable
 from kb.terms import Atom, Function, Term, Variable
 
@@ -22,6 +22,7 @@ class OperatorText:
     adds: list[str] = field(default_factory=list)
     deletes: list[str] = field(default_factory=list)
     resources: list[str] = field(default_factory=list)
+    online: list[str] = field(default_factory=list)
 
     @property
     def lines(self) -> list[str]:
@@ -36,6 +37,9 @@ class OperatorText:
             "resources": self.resources,
         }
         said = [f'  {key}: "{", ".join(dict.fromkeys(values))}"' for key, values in parts.items() if values]
+        if self.online:
+            looks = ", ".join(f'{{fact: "{each}"}}' for each in dict.fromkeys(self.online))
+            said.append(f"  online: [{looks}]")
         return [f"{self.name.lower()}{used}:", *([f"  types: {{{types}}}"] if types else []), *said]
 
 
@@ -134,6 +138,7 @@ def _operator(
         before = meaning.broken if transition.makes else meaning.made
         made.preconditions += [written(atom, terms) for atom in before]
     made.preconditions += _restricted(vocabulary, transition)
+    made.online += _looked_at(transition)
     made.resources += _robots(vocabulary, case)
     return made
 
@@ -152,6 +157,18 @@ def _restricted(vocabulary: Vocabulary, transition: Transition) -> Iterator[str]
     for each in transition.restrictions:
         if each.kind is ConditionKind.JOINT:
             yield setting(vocabulary.model.permanent[each.subject], each.value)
+
+
+def _looked_at(transition: Transition) -> Iterator[str]:
+    """The readings of sensors and clocks that are looked at when a step of the transition begins."""
+    for each in transition.restrictions:
+        if each.kind is not ConditionKind.JOINT:
+            yield reading(each)
+
+
+def reading(restriction: Restriction) -> str:
+    """The fact that a sensor or a clock reads what a restriction wants."""
+    return f"gauge_reads({restriction.subject}_gauge, {restriction.subject}_{restriction.value})"
 
 
 def setting(joint: PermanentContact, value: str) -> str:

@@ -34,7 +34,9 @@ from engine.stages.scheduling.work import CellWork, Wishes, cell_work
 from kb.diagnostics import InvalidInput
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
+from kb.terms import Term
 
+NOTHING: Mapping[Term, int] = {}
 BLOCKS = "of all schedules of the blocks of this plan"
 
 
@@ -74,15 +76,23 @@ def timetable(
 
 
 def timed(
-    problem: Problem, task: Task, plan: Plan, limits: ScheduleLimits = ScheduleLimits()
+    problem: Problem,
+    task: Task,
+    plan: Plan,
+    limits: ScheduleLimits = ScheduleLimits(),
+    busy: Mapping[Term, int] = NOTHING,
+    begin: int = 0,
 ) -> Timetable | Infeasible | GaveUp:
     """The timetable of a plan: of its blocks where it can be cut into such, else of its steps one by one.
 
-    Where longest stays are asked for, a plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
+    What is `busy` at the start is free after so many units of time. The plan begins at `begin` of the clock that release and
+    due times are of. Where longest stays are asked for, a plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
     plan's own order remains and the checker refuses the plan.
     """
     gate = PlanGate()
     wishes = wishes_for(gate.semantics(problem), plan)
+    wishes = from_then_on(wishes, begin)
+    wishes = replace(wishes, release=_later(wishes.release, busy))
     try:
         operators, goals = operators_of(task, plan)
     except Unstructured as error:
@@ -94,6 +104,18 @@ def timed(
     plan = _sound(gate, problem, plan)
     best = replace(steps, plan=plan).in_best_order(gate, limits, made)
     return best if best is not None else _as_given(problem, plan, made, wishes, steps.bound)
+
+
+def from_then_on(wishes: Wishes, begin: int) -> Wishes:
+    """The wishes for a plan that begins at a time: what should have ended before is late from the start."""
+    if not begin:
+        return wishes
+    release = {each: max(0, time_ - begin) for each, time_ in wishes.release.items()}
+    return replace(wishes, release=release, due={each: due - begin for each, due in wishes.due.items()})
+
+
+def _later(release: Mapping[Term, int], busy: Mapping[Term, int]) -> Mapping[Term, int]:
+    return {**release, **{term: max(until, release.get(term, 0)) for term, until in busy.items()}}
 
 
 def keeping(problem: Problem, plan: Plan) -> Timetable:
@@ -144,6 +166,8 @@ def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: in
 def _by_blocks(gate: PlanGate, steps: Steps, limits: ScheduleLimits) -> Timetable | Infeasible | GaveUp | str:
     """The schedule of the blocks of a plan, or why there is none; none is longer than the plan in its own order."""
     problem, wishes = steps.problem, steps.wishes
+    if problem.domain.quantities:
+        return "steps change quantities, so that their order counts"
     subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
     try:
         work = cell_work(steps.task, steps.operators, steps.goals, subjects, wishes)

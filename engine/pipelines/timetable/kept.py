@@ -31,7 +31,7 @@ def kept(problem: Problem, plan: Plan, wishes: Wishes, note: str = "") -> Timeta
     """
     round_ = _round(plan, wishes)
     starts = _starts(plan, wishes, round_)
-    last, late = makespan(plan, starts), _late(plan, wishes, starts)
+    last, late = makespan(plan, starts), lateness(plan, wishes, starts)
     made = Schedule({}, (), last, last, late, proved=not wishes.longest_stay)
     timetable = by_step(problem, plan, starts, made, note, KEPT)
     shop = _travelling(timetable.shop, round_)
@@ -94,7 +94,7 @@ def _starts(plan: Plan, wishes: Wishes, round_: _Round) -> dict[StepId, int]:
     return starts
 
 
-def _late(plan: Plan, wishes: Wishes, starts: Mapping[StepId, int]) -> int:
+def lateness(plan: Plan, wishes: Wishes, starts: Mapping[StepId, int]) -> int:
     """The weighted sum of how late the steps about each object end."""
     late = 0
     for subject, due in wishes.due.items():

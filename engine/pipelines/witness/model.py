@@ -15,7 +15,7 @@ from engine.stages.geometry.world.model import World
 from kb.model.cell import Body, BodyKind, Cell, Guide, JointKind, Link
 from kb.model.shapes import Box, Cylinder, PlacedShape, Sphere, Tube
 
-STEP_S = 0.004
+STEP_S = 0.002
 STIFF, DAMPED = 40_000.0, 2_000.0  # N m/rad and N m s/rad of the servos of an arm
 ARMATURE = 2.0  # kg m^2 of the drive of a joint
 RIGID = 'solref="0.008 1" solimp="0.99 0.999 0.0001"'  # how a body follows another: two fingers stay in the middle
@@ -24,7 +24,7 @@ DENSITY = 700.0  # kg/m^3 where no mass is given: housings are hollow
 FRICTION = 0.8
 TWIST = "0.02 0.0001"  # m: friction against turning on a spot as wide as a finger's pad, and against rolling
 FIRM = (
-    'solref="0.008 1" solimp="0.95 0.99 0.0005"'  # how contacts give way: as little as the time step allows
+    'solref="0.004 1" solimp="0.95 0.99 0.0005"'  # how contacts give way: as little as the time step allows
 )
 
 
@@ -34,7 +34,7 @@ def written(world: World) -> str:
     tree = "\n".join([*writer.standing("world"), *writer.arms()])
     return f"""<mujoco model={quoteattr(world.cell.name)}>
 <compiler angle="radian" autolimits="true" boundmass="0.01" boundinertia="0.0001"/>
-<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10"/>
+<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" jacobian="sparse"><flag sleep="enable"/></option>
 <default><geom density="{DENSITY}" friction="{FRICTION} {TWIST}" condim="4" {FIRM}/></default>
 <asset>
 {chr(10).join(writer.meshes)}
@@ -78,6 +78,9 @@ class _Writer:
             for name, body in self.world.cell.bodies.items():
                 if body.kind is BodyKind.PART:
                     T = self.world.pose("world", name)
+                    self.followers.append(
+                        f'<weld name={quoteattr(f"stuck/{name}")} body1={quoteattr(name)} active="false"/>'
+                    )
                     yield f"<body name={quoteattr(name)} {_at(T)}><freejoint name={quoteattr(name)}/>{self._geoms(name, body)}</body>"
 
     def arms(self) -> Iterator[str]:
@@ -225,11 +228,12 @@ def _simple(placed: PlacedShape) -> str:
 def _at(T: Floats) -> str:
     """Position and quaternion of a pose."""
     position = " ".join(f"{float(each):.9g}" for each in T[:3, 3])
-    quaternion = " ".join(f"{float(each):.9g}" for each in _quaternion(T[:3, :3]))
-    return f'pos="{position}" quat="{quaternion}"'
+    turned = " ".join(f"{float(each):.9g}" for each in quaternion(T[:3, :3]))
+    return f'pos="{position}" quat="{turned}"'
 
 
-def _quaternion(R: Floats) -> Floats:
+def quaternion(R: Floats) -> Floats:
+    """The unit quaternion (w, x, y, z) of a rotation (3, 3)."""
     vector = transforms.rotation_vector(R)
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:

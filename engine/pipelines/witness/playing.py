@@ -4,40 +4,17 @@ What the arm, its hand and what it holds touch beside what the step allows is to
 the end from where the plan puts it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
-import mujoco
-import numpy as np
-
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind, MovedStep
+from engine.model.moves import MovedStep
 from engine.pipelines.moves.states import states_of
-from engine.pipelines.moves.walking import operation_of
-from engine.pipelines.witness.model import dragged_by_hand, written
-from engine.stages.geometry import transforms
+from engine.pipelines.witness.stage import SETTLE_S, Stage, Touched
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.validation.semantics import Semantics
-from kb.model.cell import BodyKind, Cell, JointKind
+from kb.model.cell import Cell
 from kb.model.plan import Plan
-
-LOOK_S = 0.01  # how often contacts are looked at
-LEAST_N = 1.0  # a contact with less force is a graze of rounding
-SQUEEZE_M = 0.006  # how much farther than the thing that is gripped the fingers want to close
-SETTLE_S = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class Touched:
-    """A contact that no step allows: when, in which step, between what, and how strong at most."""
-
-    at_s: float
-    step: int
-    first: str
-    second: str
-    force_n: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,203 +32,10 @@ def played(semantics: Semantics, cell: Cell, plan: Plan, steps: Sequence[MovedSt
     """The steps of a plan, one after the other in the order of their starts; waiting times are left out."""
     moved = {each.step: each for each in steps}
     start = following(World.of(cell), semantics.initial())
-    stage, last = _Stage(start), start
+    stage, last = Stage(start), start
     for step, before, after in states_of(semantics, plan):
         last = following(World.of(cell), after)
         if step.id in moved:
             stage.take(moved[step.id], following(World.of(cell), before), last)
     stage.wait(SETTLE_S)
     return Witnessed(stage.data.time, tuple(stage.touched.values()), stage.off(last), stage.off_place)
-
-
-class _Stage:
-    """The model while it is played."""
-
-    def __init__(self, world: World) -> None:
-        self.world, self.model = world, mujoco.MjModel.from_xml_string(written(world))
-        self.data = mujoco.MjData(self.model)
-        self.by_hand = dragged_by_hand(world.cell)
-        self.targets: dict[str, float] = {}
-        self.touched: dict[tuple[int, str, str], Touched] = {}
-        self.off_place, self.step, self.allowed = 0.0, 0, frozenset[str]()
-        self.held: frozenset[str] = frozenset()
-        for arm, q in world.configurations.items():
-            for joint, value in zip(world.cell.arms[arm].arm.joints, q, strict=True):
-                self._set(f"{arm}/{joint.name}", float(value))
-        for name, body in world.cell.bodies.items():
-            if body.guide is not None:
-                self._set(name, _value(world, name))
-        mujoco.mj_forward(self.model, self.data)
-
-    def _set(self, joint: str, value: float) -> None:
-        self.data.joint(joint).qpos[0] = value
-        self._aim(joint, value)
-
-    def _aim(self, joint: str, value: float) -> None:
-        """Aim the servo of a joint, and those of all that follow it."""
-        bodies = self.world.cell.bodies
-        same = (
-            name for name, body in bodies.items() if body.guide is not None and body.guide.follows == joint
-        )
-        for name in (joint, *same):
-            number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
-            if number >= 0:
-                self.data.ctrl[number] = value
-
-    def take(self, step: MovedStep, before: World, after: World) -> None:
-        """One step: its legs, and at the place what fingers and furniture do."""
-        operation = operation_of(before.cell, step.operator)
-        assert operation is not None
-        place = before.cell.places.get(step.place)
-        on = before.supports(place.placement.parent) if place is not None else ()
-        named = {*on, *(place.touches if place is not None else ()), operation.drags}
-        self.step = step.step
-        for leg in step.legs:
-            self.held = frozenset(_parts(after if leg.kind is LegKind.OUT else before, leg.arm))
-            self.allowed = frozenset(named) if leg.kind is not LegKind.WAY else frozenset()
-            self._follow(leg, operation.drags, before, after)
-            if leg.kind is LegKind.IN:
-                q = [
-                    self.data.joint(f"{leg.arm}/{j.name}").qpos[0]
-                    for j in self.world.cell.arms[leg.arm].arm.joints
-                ]
-                self.off_place = max(self.off_place, float(np.abs(np.array(q) - leg.path[-1]).max()))
-                self.held |= frozenset(_parts(after, leg.arm))
-                self._at_place(leg.arm, step.takes_s, operation.drags, before, after)
-            elif leg.kind is LegKind.DRAG:
-                self._fingers(leg.arm, after, closed=False)
-                self.wait(SETTLE_S)
-
-    def _at_place(self, arm: str, takes_s: float, drags: str, before: World, after: World) -> None:
-        self._fingers(arm, after, closed=bool(drags))
-        for name, body in after.cell.bodies.items():
-            changed = body.guide is not None and abs(_value(after, name) - _value(before, name)) > 1e-9
-            if changed and name != drags and name not in _hand(after, arm):
-                self._aim(name, _value(after, name))
-        self.wait(max(takes_s, SETTLE_S))
-
-    def _fingers(self, arm: str, world: World, closed: bool) -> None:
-        """The fingers go where the facts put them, somewhat closer around what they hold; or all the way."""
-        for name in _hand(world, arm):
-            guide = world.cell.bodies[name].guide
-            assert guide is not None
-            value = _value(world, name)
-            self._aim(name, guide.upper if closed else value + (SQUEEZE_M if value > 1e-9 else 0.0))
-
-    def _follow(self, leg: Leg, drags: str, before: World, after: World) -> None:
-        began = self.data.time
-        first, last = (_value(before, drags), _value(after, drags)) if drags else (0.0, 0.0)
-        joints = [f"{leg.arm}/{each.name}" for each in self.world.cell.arms[leg.arm].arm.joints]
-        while (t := self.data.time - began) < leg.seconds:
-            for joint, value in zip(joints, _between(leg, t), strict=True):
-                self._aim(joint, float(value))
-            if leg.kind is LegKind.DRAG:
-                self._aim(drags, first + (last - first) * t / leg.seconds)
-            self._tick()
-        for joint, value in zip(joints, leg.path[-1], strict=True):
-            self._aim(joint, float(value))
-        self.wait(0.1)
-
-    def wait(self, seconds: float) -> None:
-        """Time goes on, and everything aims where it aimed."""
-        until = self.data.time + seconds
-        while self.data.time < until:
-            self._tick()
-
-    def _tick(self) -> None:
-        mujoco.mj_step(self.model, self.data)
-        if self.data.time % LOOK_S < self.model.opt.timestep:
-            self._look()
-
-    def _look(self) -> None:
-        """Note every contact of the arm, its hand, and what it holds, that the step does not allow."""
-        force = np.zeros(6)
-        for number in range(self.data.ncon):
-            contact = self.data.contact[number]
-            names = tuple(sorted(self._body(geom) for geom in contact.geom))
-            if contact.dist >= 0 or not self._is_strange(names):
-                continue
-            mujoco.mj_contactForce(self.model, self.data, number, force)
-            key = (self.step, names[0], names[1])
-            known = self.touched.get(key)
-            if abs(force[0]) >= LEAST_N and (known is None or force[0] > known.force_n):
-                self.touched[key] = Touched(round(self.data.time, 3), *key, round(float(force[0]), 2))
-
-    def _body(self, geom: int) -> str:
-        number = self.model.geom_bodyid[geom]
-        return str(mujoco.mj_id2name(self.model, mujoco.mjtObj.mjOBJ_BODY, number))
-
-    def _is_strange(self, names: tuple[str, ...]) -> bool:
-        """Whether one of two bodies is the arm's, and the other neither its own nor one that the step allows."""
-        own = [name in self.held or self._is_hand(name) for name in names]
-        if all(own) or not any(own):
-            return False
-        return names[0 if own[1] else 1] not in self.allowed
-
-    def _is_hand(self, name: str) -> bool:
-        arm = name.partition("/")[0].partition(".")[0]
-        return arm in self.world.cell.arms or any(
-            name in _carried(self.world, each) for each in self.world.cell.arms
-        )
-
-    def off(self, world: World) -> dict[str, float]:
-        """How far each part is from where the facts put it, in m."""
-        found = {}
-        for name, body in world.cell.bodies.items():
-            if body.kind is BodyKind.PART and not _in_hand(world, name):
-                there = world.pose("world", name)[:3, 3]
-                found[name] = float(np.linalg.norm(self.data.body(name).xpos - there))
-        return found
-
-
-def _between(leg: Leg, t: float) -> Floats:
-    """The configuration on a leg at a time (s): from corner to corner, from rest to rest."""
-    n = min(int(np.searchsorted(leg.corners_s, t, side="right")) - 1, len(leg.path) - 2)
-    end: Floats = leg.path[-1]
-    if n < 0:
-        return end
-    lasts = float(leg.corners_s[n + 1] - leg.corners_s[n])
-    s = min(1.0, (t - float(leg.corners_s[n])) / lasts) if lasts > 0 else 1.0
-    smooth = s**3 * (10 - 15 * s + 6 * s * s)
-    found: Floats = leg.path[n] + smooth * (leg.path[n + 1] - leg.path[n])
-    return found
-
-
-def _carried(world: World, arm: str) -> Iterator[str]:
-    for body, each in world.cell.bodies.items():
-        if each.kind is not BodyKind.PART and any(
-            on.startswith(f"{arm}.") and on != f"{arm}.base" for on in world.supports(body)[1:]
-        ):
-            yield body
-
-
-def _hand(world: World, arm: str) -> list[str]:
-    """The bodies with drives of their own on an arm: its fingers."""
-    bodies = world.cell.bodies
-    return [
-        each
-        for each in _carried(world, arm)
-        if (guide := bodies[each].guide) is not None and not guide.follows
-    ]
-
-
-def _in_hand(world: World, body: str) -> bool:
-    return any(body in _parts(world, arm) for arm in world.cell.arms)
-
-
-def _parts(world: World, arm: str) -> list[str]:
-    """The parts that an arm holds."""
-    return [
-        name
-        for name, body in world.cell.bodies.items()
-        if body.kind is BodyKind.PART and world.placed[name].parent == f"{arm}.tool"
-    ]
-
-
-def _value(world: World, body: str) -> float:
-    """How far a body is along its guide."""
-    known: Any = world.cell.bodies[body]
-    moved = transforms.inverse(transforms.of_pose(known.placement.pose)) @ world.placed[body].T_parent_frame
-    slides = known.guide.kind is JointKind.PRISMATIC
-    along = moved[:3, 3] if slides else transforms.rotation_vector(moved[:3, :3])
-    return float(along @ np.array(known.guide.axis))

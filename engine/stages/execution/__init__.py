@@ -25,7 +25,7 @@ from engine.stages.execution.events import (
     Threatened,
     Withdrawn,
 )
-from engine.stages.execution.machine import advance, next_time
+from engine.stages.execution.machine import advance, next_time, waits
 from engine.stages.execution.program import Activity, Dwell, Program
 from engine.stages.execution.standing import Running, Standing, standing_of
 
@@ -57,4 +57,5 @@ __all__ = [
     "advance",
     "next_time",
     "standing_of",
+    "waits",
 ]

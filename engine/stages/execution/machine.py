@@ -37,6 +37,12 @@ def next_time(program: Program, standing: Standing) -> int | None:
     return min((each for each in times if each > now), default=None)
 
 
+def waits(program: Program, standing: Standing) -> bool:
+    """Whether nothing can begin before something ends that goes on without a hand, though something is left to begin."""
+    left = len(program.activities) - standing.done - len(standing.running)
+    return bool(left and standing.running) and _is_still(program, standing)
+
+
 def _ignored(_program: Program, standing: Standing, _event: e.Event) -> Step:
     return standing, ()
 

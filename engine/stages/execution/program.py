@@ -10,7 +10,8 @@ class Activity:
     """A step of a plan. `start_ms` is its forecast on the run's clock; only its order behind `after` is promised.
 
     `expects` is the pattern of a normal reply. `rests` says that nothing is left in a hand when it ends, or that it reaches
-    a goal: a run may pause behind it. A `process` goes on without a hand.
+    a goal: a run may pause behind it. A `process` goes on without a hand. Its device looks at the facts in `looks` before it
+    begins, and at `watches` while it goes on.
     """
 
     id: int
@@ -26,6 +27,8 @@ class Activity:
     asks: bool = False
     rests: bool = True
     process: bool = False
+    looks: tuple[str, ...] = ()
+    watches: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

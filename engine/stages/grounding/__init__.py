@@ -5,11 +5,15 @@ Python makes bitsets of them.
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from engine.model.task import Bits, Task, bitset, indices
+from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.ambiguity import ambiguities
+from engine.stages.grounding.batches import Batches
 from engine.stages.grounding.closure import Deduction, deduction
 from engine.stages.grounding.derived import Rules, Supports, supports_of
+from engine.stages.grounding.diagrams import decide
 from engine.stages.grounding.goals import Goals, layered
 from engine.stages.grounding.initial import default_instances as default_instances
 from engine.stages.grounding.initial import initial_state
@@ -18,6 +22,7 @@ from engine.stages.grounding.invariants import mutex_groups
 from engine.stages.grounding.layers import axioms
 from engine.stages.grounding.limits import suspects
 from engine.stages.grounding.numbering import DERIVED, Numbering, complemented
+from engine.stages.grounding.numeric import COMPARED, Numbers, with_tests, without_quantities
 from engine.stages.grounding.program import (
     Schema,
     Vocabulary,
@@ -32,7 +37,14 @@ from engine.stages.grounding.program import (
     rule,
     schemas,
 )
-from engine.stages.grounding.rows import conditional_changes, derivations, instances, matches
+from engine.stages.grounding.rows import (
+    conditional_changes,
+    derivations,
+    happening_terms,
+    happenings,
+    instances,
+    matches,
+)
 from engine.stages.grounding.universe import Universe
 from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
@@ -42,6 +54,7 @@ from kb.asp.vocabulary import VIOLATED, static_program
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.loader.amounts import amounts_of
 from kb.model.conditions import Literal, goal_parts
+from kb.model.domain import Rule
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
 from kb.model.statement import Statement
@@ -111,16 +124,24 @@ class _Grounding:
     """
 
     def __init__(self, problem: Problem) -> None:
-        self.problem, self.domain = problem, problem.domain
+        self.given, self.taken = problem, without_quantities(problem)
+        self.problem, self.domain = self.taken.problem, self.taken.problem.domain
         self.found: list[Diagnostic] = []
         normaliser = Normaliser()
-        vocabulary = Vocabulary(self.domain)
+        compared = [Rule(each.head, ()) for each in self.taken.tests]
+        vocabulary = Vocabulary(self.domain, compared)
         self.schemas = list(schemas(self.domain, normaliser, vocabulary))
-        self.conditionals = list(conditionals(self.domain, normaliser, vocabulary))
-        self.goals = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
-        self.rules = [*self.domain.rules, *normaliser.rules]
-        self.vocabulary = Vocabulary(self.domain, normaliser.rules)
-        self.invented = {each.head.name: len(each.head.arguments) for each in normaliser.rules}
+        found = list(conditionals(self.domain, normaliser, vocabulary))
+        self.batches = [each for each in found if each.effect.atom.name in vocabulary.events]
+        self.conditionals = [each for each in found if each not in self.batches]
+        self.goals = [normaliser.disjuncts(part, {}) for part in goal_parts(self.problem.goal)]
+        plain = expanded(self.domain.rules, self.domain, Vocabulary(self.domain).is_dynamic)
+        self.reach, self.fittings = plain.reach, plain.fittings
+        self.rules = [*plain.rules, *normaliser.rules]
+        invented = [*normaliser.rules, *plain.rules, *plain.reach, *compared]
+        self.vocabulary = Vocabulary(self.domain, invented)
+        declared = self.domain.predicates
+        self.invented = {r.head.name: len(r.head.arguments) for r in invented if r.head.name not in declared}
 
     def task(self) -> Task:
         """The task. It is meaningless if `found` is not empty."""
@@ -128,42 +149,59 @@ class _Grounding:
         self.found += contradicted
         universe = self._reachable(initial)
         rules = derivations(self.rules, self.vocabulary, universe)
-        supports = supports_of(
-            range(DERIVED, DERIVED + len(universe.derived)), rules, self._negated(universe)
-        )
+        effects = deduction(self.domain, self.vocabulary, universe)
+        decide(self.fittings, universe, effects.denied, rules)
         workflow = Workflow(
             self.problem, universe, len(universe.atoms), self.vocabulary.events, holding(Listed(initial))
         )
+        batches = Batches(workflow, happenings(self.batches, self.schemas, universe), universe, rules)
+        supports = supports_of(
+            [
+                each
+                for each in range(DERIVED, DERIVED + len(universe.derived))
+                if not self._compares(universe, each)
+            ],
+            rules,
+            self._negated(universe),
+        )
         goals = self._goals(universe, supports, rules, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
-        effects = deduction(self.domain, self.vocabulary, universe)
         changes = conditional_changes(self.conditionals, self.schemas, universe)
         amounts = amounts_of(self.problem, universe.facts)
-        made = Instances(universe, effects, supports, workflow, numbering, changes, amounts)
+        made = Instances(universe, effects, supports, workflow, batches, numbering, changes, amounts)
         operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
         self.found += contradictions(made, universe)
         self.found += amiss(made)
         start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial
         alternatives, completed = goals.compiled(operators, numbering)
-        layers = axioms(rules, numbering)
+        layers = axioms(rules, numbering, lambda atom: self._compares(universe, atom))
         complements = bitset([c for atom, c in numbering.complements.items() if not start >> atom & 1])
         added = (_named(signed, universe) for signed in numbering.added)
-        atoms = (*universe.atoms, *workflow.atoms, *goals.atoms, *added)
-        completed = [complemented(operator, numbering) for operator in completed]
+        atoms = [*universe.atoms, *workflow.atoms, *goals.atoms, *added]
+        numbers = Numbers(self.taken, self.given.domain, atoms)
+        tests = tuple(numbers.comparing(universe, numbering))
+        layers = with_tests(layers, tests, numbering, len(atoms))
+        completed = [numbers.changing(complemented(operator, numbering)) for operator in completed]
         derived = layers.derived if layers else 0
         groups = mutex_groups(atoms, completed, start | complements, derived)
         if not contradicted:  # then two atoms of a mutex group may be true
             self.found += ambiguities(self.domain, made.doubts, atoms, groups)
+        weighed = weights(self.domain, atoms, completed)
+        start |= numbers.start
         pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())
         return Task(
-            atoms,
+            atoms if self.given.domain.quantities else tuple(atoms),
             tuple(completed),
             layers.closed(start | complements) if layers else start | complements,
             tuple(goal | workflow.goal for goal in alternatives),
-            weights(self.domain, atoms, completed),
+            weighed,
             tuple(dict.fromkeys((*groups, *pairs))),
             axioms=layers,
         )
+
+    def _compares(self, universe: Universe, atom: int) -> bool:
+        """Whether a derived atom compares quantities."""
+        return bool(self.taken.tests) and universe.atom(atom).name.startswith(COMPARED)
 
     def _negated(self, universe: Universe) -> Iterator[int]:
         """The derived atoms that conditions need to be false."""
@@ -212,17 +250,33 @@ class _Grounding:
         for schema in self.schemas:
             text += [instance_rule(schema, self.vocabulary), *effect_rules(schema, self.vocabulary)]
             text += self._conditional_rules(schema)
-        text += [derived_rule(each, self.vocabulary) for each in self.rules]
+            text += self._comparison_rules(schema)
+        text += [derived_rule(each, self.vocabulary) for each in (*self.rules, *self.reach)]
+        named = {p.atom for part in self.goals for body in part for p in body if isinstance(p, Literal)}
+        text += [f"{reachable(a)}." for a in sorted(named, key=str) if a.name.startswith(COMPARED)]
         text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
         try_first(suspects(self.problem, self.schemas), "\n".join(text))
         grounder.ground("\n".join(text))
         violated = [number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
         self.found += [self._violation(self.domain.asp[number]) for number in sorted(violated)]
         universe = Universe(grounder, self.vocabulary, self.invented)
-        universe.name_terms(
-            rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables
-        )
+        arguments = [rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables]
+        pairs = ((each, s) for each in self.batches for s in self.schemas if each.operator is s.operator)
+        universe.name_terms([*arguments, *(text for pair in pairs for text in happening_terms(*pair))])
         return universe
+
+    def _comparison_rules(self, schema: Schema) -> Iterator[str]:
+        """Rules for the comparisons of quantities in a schema, which are taken to be reachable wherever the rest is."""
+        compared = [each.atom for each in self.taken.literals_of(schema.literals)]
+        rest = tuple(each for each in schema.literals if each.atom not in compared)
+        body = instance_rule(replace(schema, literals=rest), self.vocabulary).partition(" :- ")[2].rstrip(".")
+        for atom in compared:
+            yield rule(reachable(atom), [body] if body else [])
+        for each in self.conditionals:
+            inner = self.taken.literals_of(each.literals) if each.operator is schema.operator else []
+            for literal in inner:
+                others = tuple(p for p in each.literals if p not in inner)
+                yield rule(reachable(literal.atom), conditional_body(replace(each, literals=others), schema))
 
     def _conditional_rules(self, schema: Schema) -> Iterator[str]:
         for each in self.conditionals:

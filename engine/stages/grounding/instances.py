@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
+from engine.stages.grounding.batches import Batches
 from engine.stages.grounding.closure import Deduction
 from engine.stages.grounding.derived import Supports
 from engine.stages.grounding.numbering import Numbering
@@ -104,6 +105,7 @@ class Instances:
     deduction: Deduction
     supports: Supports
     workflow: Workflow
+    batches: Batches
     numbering: Numbering
     effects: Mapping[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]
     amounts: Amounts
@@ -156,11 +158,13 @@ class Instances:
         arguments, literals, _ = rows.ends
         for row in rows:
             instance = Function(operator.name, tuple([terms[number] for number in row[:arguments]]))
+            own = tuple(row[:arguments])
             conditions = signed(rows.schema.literals, row[arguments:literals])
+            conditions = (*conditions, *self.batches.conditions(operator.name, own))
             if (shared := shares.of(row, instance)) is None:
                 continue
             supports = self.supports.combinations(conditions)
-            effects = tuple(self._conditional(operator, instance, tuple(row[:arguments]), conditions))
+            effects = tuple(self._conditional(operator, instance, own, conditions))
             events = self._events(operator, instance)
             for support in supports:
                 base = self.numbering.bits(support)
@@ -171,7 +175,8 @@ class Instances:
                     yield GroundOperator(instance, needs, adds, deletes, effects, *shared)
 
     def _events(self, operator: Operator, instance: Function) -> list[Atom]:
-        events = [each.atom for each in operator.effects if each.atom.name in self.workflow.events]
+        changes = (each for each in operator.effects if not is_conditional(each))
+        events = [each.atom for each in changes if each.atom.name in self.workflow.events]
         bindings = dict(zip(operator.variables, instance.arguments, strict=True)) if events else {}
         return [substitute_atom(event, bindings) for event in events]
 
@@ -201,6 +206,11 @@ class Instances:
                     self.contradicts(operator, instance, added & denied, adds)
                 self.numbering.bits([~each for each in support])  # makes complements, for regression
                 yield ConditionalEffect(self.numbering.bits(support), added, (denied | deletes) & ~added)
+
+        for conditions, advance in self.batches.advances(operator.name, arguments):
+            for support in self.supports.combinations(conditions):
+                bits = self.numbering.bits(support)
+                yield ConditionalEffect(bits, advance.adds, advance.deletes)
 
     def _is_fluent(self, number: int) -> bool:
         return 0 <= number < len(self.universe.atoms)

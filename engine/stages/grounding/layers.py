@@ -1,6 +1,6 @@
 """The rules of derived atoms that are not replaced by their definitions, as axioms of the task."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from engine.model.axioms import Axiom, Axioms
 from engine.stages.grounding.derived import Rules
@@ -8,10 +8,10 @@ from engine.stages.grounding.numbering import DERIVED, Numbering
 from kb.graphs import components
 
 
-def axioms(rules: Rules, numbering: Numbering) -> Axioms | None:
+def axioms(rules: Rules, numbering: Numbering, compares: Callable[[int], bool]) -> Axioms | None:
     """The axioms of all derived atoms that have numbers, and of those that they depend on; None if there are none.
 
-    Where an atom has to be false, all that breaks its rules gets numbers, too.
+    Where an atom has to be false, all that breaks its rules gets numbers, too. An atom that `compares` quantities has no rules.
     """
     waiting = [signed for signed in numbering.added if _is_derived(signed)]
     if not waiting:
@@ -24,7 +24,10 @@ def axioms(rules: Rules, numbering: Numbering) -> Axioms | None:
         more = {each: None for each in needed if _is_derived(each) and each not in seen}
         seen.update(more)
         waiting += more
-    return _layered(rules, numbering)
+    ruled = [
+        atom for signed in numbering.added if _is_derived(signed) and not compares(atom := _atom(signed))
+    ]
+    return _layered(rules, numbering, set(ruled)) if ruled else None
 
 
 def _needed(signed: int, rules: Rules) -> list[int]:
@@ -34,8 +37,7 @@ def _needed(signed: int, rules: Rules) -> list[int]:
     return [~signed, *(~each for body in rules.get(~signed, ()) for each in body)]
 
 
-def _layered(rules: Rules, numbering: Numbering) -> Axioms:
-    kept = {_atom(signed) for signed in numbering.added if _is_derived(signed)}
+def _layered(rules: Rules, numbering: Numbering, kept: set[int]) -> Axioms:
     numbers = {atom: numbering.number(atom) for atom in sorted(kept)}
     needs = {
         atom: [_atom(e) for body in rules.get(atom, ()) for e in body if _atom(e) in kept] for atom in numbers

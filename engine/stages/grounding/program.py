@@ -9,8 +9,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from kb.asp.vocabulary import guard
+from kb.loader.safety import closed
 from kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter, free_variables
-from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule
+from kb.model.domain import UNLISTED, Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule
 from kb.model.normalise import Normaliser
 from kb.terms import ANYTHING, Atom, Function, Variable
 
@@ -110,7 +111,10 @@ def conditionals(domain: Domain, normaliser: Normaliser, vocabulary: Vocabulary)
                 vocabulary.derived |= {invented.head.name for invented in normaliser.rules}
                 literals, static = vocabulary.split(disjunct)
                 yield Conditional(
-                    operator, effect, literals, (*static, *map(_guard_literal, effect.parameters))
+                    operator,
+                    effect,
+                    literals,
+                    (*static, *(_guard_literal(p) for p in effect.parameters if p.type not in UNLISTED)),
                 )
 
 
@@ -131,14 +135,32 @@ def instance(schema: Schema) -> str:
 def instance_rule(schema: Schema, vocabulary: Vocabulary) -> str:
     """The rule that says when an instance of a schema is reachable.
 
-    A workflow stage must name each of its events.
+    A workflow stage must name each of its events. Of those that happen under conditions, a stage gives the numbers that nothing
+    else binds.
     """
-    events = [e.atom for e in schema.operator.effects if e.atom.name in vocabulary.events]
-    body = [str(Function(f"_v_{event.name}", event.arguments)) for event in events]
+    effects = [e for e in schema.operator.effects if e.atom.name in vocabulary.events]
+    named = [e.atom for e in effects if not is_conditional(e)]
+    named += [_numbers_of(e.atom, schema) for e in effects if is_conditional(e) and _gives(e.atom, schema)]
+    body = [str(Function(f"_v_{event.name}", event.arguments)) for event in named]
     body += [reachable(literal.atom) for literal in schema.literals if literal.positive]
     body += guard(schema.operator.parameters)
     body += map(str, schema.static)
     return rule(instance(schema), body)
+
+
+def _gives(event: Atom, schema: Schema) -> bool:
+    """Whether a stage has to say which values a variable of the header takes: it is a number that nothing else binds."""
+    return any(
+        isinstance(each, Variable) for each in _numbers_of(event, schema).arguments if each != ANYTHING
+    )
+
+
+def _numbers_of(event: Atom, schema: Schema) -> Atom:
+    """An event with `_` for all arguments but numbers of the header that nothing else binds."""
+    unlisted = {p.variable for p in schema.operator.parameters if p.type in UNLISTED}
+    bound = closed((), (*schema.static, *schema.literals))
+    wanted = unlisted - bound
+    return Function(event.name, tuple(each if each in wanted else ANYTHING for each in event.arguments))
 
 
 def effect_rules(schema: Schema, vocabulary: Vocabulary) -> Iterator[str]:

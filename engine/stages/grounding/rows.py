@@ -22,7 +22,7 @@ from engine.stages.grounding.program import (
 from engine.stages.grounding.universe import Universe
 from kb.model.conditions import Body, Literal
 from kb.model.domain import Effect, Rule
-from kb.terms import Function, Variable
+from kb.terms import Atom, Function, Variable, substitute_atom, variables
 
 Signed = tuple[int, ...]
 ConditionalChange = tuple[Signed, Bits, Bits]  # (conditions, adds, deletes)
@@ -54,6 +54,27 @@ def conditional_changes(
         for row in table:
             change = (1 << row[-1], 0) if each.effect.adds else (0, 1 << row[-1])
             entry = (signed(each.literals, row[width:-1]), *change)
+            found.setdefault((each.operator.name, tuple(row[:width])), {})[entry] = None
+    return {key: list(entries) for key, entries in found.items()}
+
+
+def happenings(
+    conditionals: Sequence[Conditional], schemas: Sequence[Schema], universe: Universe
+) -> Mapping[tuple[str, Signed], list[tuple[Signed, Atom]]]:
+    """For each operator and its arguments the events that happen under further conditions, with these."""
+    pairs = [
+        (each, schema) for each in conditionals for schema in schemas if each.operator is schema.operator
+    ]
+    owners = {f"_happens_{number}": each for number, (each, _) in enumerate(pairs)}
+    rules = {name: _happening_rule(*pair, name) for name, pair in zip(owners, pairs, strict=True)}
+    found: dict[tuple[str, Signed], dict[tuple[Signed, Atom], None]] = {}
+    for name, table in universe.tables(rules).items() if rules else ():
+        each = owners[name]
+        width, own = len(each.operator.variables), _variables_of(each)
+        for row in table:
+            terms = [universe.terms[number] for number in row[len(row) - len(own) :]]
+            event = substitute_atom(each.effect.atom, dict(zip(own, terms, strict=True)))
+            entry = (signed(each.literals, row[width : len(row) - len(own)]), event)
             found.setdefault((each.operator.name, tuple(row[:width])), {})[entry] = None
     return {key: list(entries) for key, entries in found.items()}
 
@@ -113,6 +134,27 @@ def _row_rule(schema: Schema, vocabulary: Vocabulary) -> tuple[str, int]:
     columns = [*arguments, *names, *add_names, *delete_names]
     head = Function(f"_row_{schema.number}", tuple(map(Variable, columns)))
     return rule(str(head), [*body, *parts, *added, *removed]), len(columns)
+
+
+def _variables_of(each: Conditional) -> list[Variable]:
+    return list(dict.fromkeys(variables(each.effect.atom)))
+
+
+def happening_terms(each: Conditional, schema: Schema) -> Iterator[str]:
+    """Rules that collect the terms in the events of a conditional effect, for `Universe.name_terms`."""
+    for variable in _variables_of(each):
+        yield rule(f"_arg({variable})", conditional_body(each, schema))
+
+
+def _happening_rule(each: Conditional, schema: Schema, name: str) -> tuple[str, int]:
+    arguments = [column("A", i) for i, _ in enumerate(schema.operator.variables)]
+    own = [column("V", i) for i, _ in enumerate(_variables_of(each))]
+    pairs = [*zip(schema.operator.variables, arguments, strict=True)]
+    pairs += zip(_variables_of(each), own, strict=True)
+    parts, names = number_literals(each.literals, "P")
+    columns = [*arguments, *names, *own]
+    body = [*conditional_body(each, schema), *(f"_a({v},{a})" for v, a in pairs), *parts]
+    return rule(str(Function(name, tuple(map(Variable, columns)))), body), len(columns)
 
 
 def _conditional_rule(each: Conditional, schema: Schema, name: str) -> tuple[str, int]:

@@ -99,6 +99,10 @@ class Workflow:
             if total.adds.bit_count() == len(combination) and self._one_each(total):
                 yield total
 
+    def stages_of(self, event: Atom) -> Sequence[Advance]:
+        """How each stage that an event is, in whatever chain, moves the chain's counter."""
+        return self._event_stages.get(event, ())
+
     def _one_each(self, advance: Advance) -> bool:
         """Whether the operator moves each counter at most once."""
         return all((group & advance.adds).bit_count() <= 1 for group in self.groups)

@@ -29,6 +29,17 @@ def plan(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer
     Goals that are not allowed are left out, as long as one is. Raises `ValueError` for arrays of another shape, and for a
     strategy that needs a hand where none is given.
     """
+    found = tried(ground, query, hand)
+    if not isinstance(found, Blocked):
+        return found
+    start, goals = _checked(ground.scene.joints, query)
+    _, allowed = refusals(ground, start, goals, query.margin_m)
+    asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
+    return replace(found, severed=severed(ground, asked))
+
+
+def tried(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer:
+    """The same; where no path is found, it is not looked for a proof that there is none."""
     start, goals = _checked(ground.scene.joints, query)
     reasons, allowed = refusals(ground, start, goals, query.margin_m)
     if not allowed:
@@ -39,9 +50,7 @@ def plan(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer
         return search(ground, query, hand)
 
     found = until_proved(ground, asked, searched) if query.proved else searched(ground, asked)
-    if isinstance(found, Blocked):
-        return replace(found, severed=severed(ground, asked))
-    return replace(found, goal=allowed[found.goal])
+    return replace(found, goal=allowed[found.goal]) if isinstance(found, Moved) else found
 
 
 def _checked(joints: Joints, query: Query) -> tuple[Floats, Floats]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from engine.kernels.geometry.edges import free_edges
 from engine.kernels.geometry.proof import proved as proved_lines
+from engine.kernels.linear import norm
 from engine.model.geometry import Floats, Longs, Truths
 from engine.model.motion import FINEST_M, Moved, Query
 from engine.ports import MotionGround
@@ -96,23 +97,37 @@ def _looked(ground: MotionGround, nodes: Floats, edges: Longs, step: float, marg
 
     ground.lines(step, margin_m)  # packs the scene once, before threads ask for it
     stretches = [edges[n : n + LINES_AT_ONCE] for n in range(0, len(edges), LINES_AT_ONCE)]
+    if len(stretches) == 1:
+        return look(edges)
     with ThreadPoolExecutor(CORES) as pool:
         found = list(pool.map(look, stretches))
     return np.concatenate([np.zeros(0, dtype=bool), *found])
 
 
-def repaired(roadmap: Roadmap, ground: MotionGround, near: MotionGround) -> tuple[Roadmap, int]:
-    """The roadmap after the world has changed, and how many edges had to be looked at again.
-
-    `ground` is the world as it is now. On the ground `near`, nothing stands but what fills the regions that have changed, before
-    or after. An edge that does not come near them is what it was.
-    """
-    between = roadmap.step / 2 * np.ones(roadmap.nodes.shape[1])
-    room = roadmap.margin_m + near.travel(np.zeros_like(between), between)
-    touched = ~_looked(near, roadmap.nodes, roadmap.edges, roadmap.step, room)
+def repaired(roadmap: Roadmap, before: MotionGround, ground: MotionGround) -> tuple[Roadmap, int]:
+    """The roadmap that held on the ground `before`, for `ground`; and how many edges had to be looked at again."""
+    touched = stale(roadmap, before, ground)
     free = roadmap.free.copy()
     free[touched] = _proved(ground, roadmap.nodes, roadmap.edges[touched], roadmap.step, roadmap.margin_m)
     return replace(roadmap, free=free), int(touched.sum())
+
+
+def stale(roadmap: Roadmap, before: MotionGround, ground: MotionGround) -> Truths:
+    """Which edges (e,) come near what is not the same on two grounds; all others are free on both, or on none.
+
+    Where the joints differ, all edges count as near.
+    """
+    near = ground.changed_since(before)
+    if near is None:
+        return np.ones(len(roadmap.edges), dtype=bool)
+    room = roadmap.margin_m + _farthest(near, roadmap.step) + 2.0 * FINEST_M
+    return ~_looked(near, roadmap.nodes, roadmap.edges, roadmap.step, room)
+
+
+def _farthest(ground: MotionGround, step: float) -> float:
+    """How far (m) any point moves at most on a line of this length (rad, m) in the space of the joints."""
+    none, each = np.zeros(ground.scene.joints.count), np.diag(np.full(ground.scene.joints.count, step))
+    return norm(np.array([ground.travel(none, one) for one in each]))
 
 
 def travels(
@@ -187,11 +202,11 @@ def _routed(
     for n in missing:
         at = row[int(pairs[n, 0])]
         time[n] = found[at, pairs[n, 1]]
-        wider[n] = _back(before[at], int(pairs[n, 1])) if np.isfinite(time[n]) else ()
+        wider[n] = back(before[at], int(pairs[n, 1])) if np.isfinite(time[n]) else ()
     return time, wider
 
 
-def _back(before: Longs, node: int) -> tuple[int, ...]:
+def back(before: Longs, node: int) -> tuple[int, ...]:
     """The nodes up to one, by their predecessors."""
     found = []
     while node >= 0:

@@ -102,7 +102,9 @@ class Relaxation:
 
         They exist for atoms that a chain of supporters with a cost of at most `bound` reaches.
         """
-        supporters = self._search.spread(initial.to_bytes(self._width, "little"), bound)
+        supporters = self._search.spread(
+            (initial & (1 << 8 * self._width) - 1).to_bytes(self._width, "little"), bound
+        )
         return RelaxedPlans(self, initial, supporters)
 
 

@@ -10,10 +10,12 @@ from engine.kernels.arrays import Longs
 from engine.model.metric import Metric
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import Tour, TourProblem, cost_of
+from engine.stages.sequencing.arborescent import lower_bound
 from engine.stages.sequencing.limits import Limits
 
 Answer = Tour | Infeasible | GaveUp
 Solve = Callable[[TourProblem, Limits, str], Answer]
+AT_ONCE, TOGETHER = 300, 1200  # visits whose phases are bounded together: always, and where time is given to bounds
 QUICK = 1  # kicks of a search that is made for its bound
 
 
@@ -38,7 +40,11 @@ def in_pairs(problem: TourProblem) -> TourProblem:
 
 
 def by_phases(problem: TourProblem, limits: Limits, method: str, solve: Solve) -> Answer:
-    """The tours of all phases, one after another. The bound is that of each phase alone, with the shortest ways between."""
+    """The tours of all phases, one after another.
+
+    The bound is that of each phase alone, with the shortest ways between. Of not too many visits there is another one, of all
+    phases together, which knows that the ways between end where tours begin.
+    """
     order: list[int] = []
     bound = work = 0
     for group in _groups(problem):
@@ -51,6 +57,8 @@ def by_phases(problem: TourProblem, limits: Limits, method: str, solve: Solve) -
         order += [members[each] for each in found.order[len(order[-1:]) :]]
     made = tuple(order)
     cost = cost_of(problem, made)
+    if len(made) <= (TOGETHER if limits.sharp else AT_ONCE) and bound < cost and not limits.interrupted():
+        bound = max(bound, lower_bound(in_pairs(problem), cost, limits.interrupted))
     return Tour(made, cost, min(bound, cost), work, method)
 
 

@@ -113,7 +113,7 @@ def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     made = _made(problem, found.order, found.work, method)
     if provable:
         return _bounded(problem, made, costs, extra, limits)
-    if not limits.interrupted() and found.cost - lower > CLOSE * found.cost:
+    if limits.sharp and not limits.interrupted() and found.cost - lower > CLOSE * found.cost:
         lower = max(lower, heldkarp.bound(costs, near, found.order, limits.interrupted, LATER, not circle))
     return replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
 

@@ -141,13 +141,20 @@ def default_work(n: int) -> int:
     return min(20_000 + 40 * n, max(MOST, 10 * n))
 
 
-def bound(cost: Matrix, upper: int, steps: int = 0, interrupted: Interrupted = never) -> tuple[int, Floats]:
+def bound(
+    cost: Matrix,
+    upper: int,
+    steps: int = 0,
+    interrupted: Interrupted = never,
+    penalties: Floats | None = None,
+) -> tuple[int, Floats]:
     """A lower bound on all closed tours, and the penalties (n,) that prove it; n >= 3.
 
-    If `steps` is 0, their number suits n.
+    If `steps` is 0, their number suits n. The ascent begins at some `penalties` (n,) if they are given.
     """
     from engine.stages.sequencing.kernels.bounds import ascend
 
     steps = steps or max(60, min(STEPS, 400_000 // len(cost)))
-    value, penalties, _ = ascend(cost, np.zeros(len(cost)), float(upper), steps, 1.0, interrupted)
-    return int(np.ceil(value)), penalties
+    start = np.zeros(len(cost)) if penalties is None else penalties.copy()
+    value, found, _ = ascend(cost, start, float(upper), steps, 1.0, interrupted)
+    return int(np.ceil(value)), found

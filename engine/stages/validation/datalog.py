@@ -3,8 +3,9 @@
 It shares with the search how terms are computed and compared (`kb.arithmetic`), but no code that solves.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 
+from engine.stages.validation.aggregates import Tuple, can_test, fitting
 from kb.arithmetic import compare, evaluate
 from kb.model.conditions import (
     Aggregate,
@@ -19,8 +20,10 @@ from kb.model.conditions import (
     Not,
     Or,
     Parameter,
+    StateAggregate,
+    goal_parts,
 )
-from kb.model.domain import NUMERIC_TYPES, OBJECT
+from kb.model.domain import NUMERIC_TYPES, OBJECT, UNLISTED
 from kb.terms import (
     Atom,
     Function,
@@ -40,7 +43,6 @@ Bindings = Mapping[Variable, Term]
 
 NONE: Mapping[Atom, None] = {}
 MANY = 16  # atoms of a predicate
-SINGLY = 200  # atoms of a predicate that are asked for before all are read
 
 
 class Facts:
@@ -134,36 +136,6 @@ class Facts:
         return type_ == OBJECT or Function(type_, (term,)) in self
 
 
-class Evaluated(Facts):
-    """Facts that someone else has evaluated. Each predicate is read when it is first asked for."""
-
-    def __init__(self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]) -> None:
-        """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
-        super().__init__()
-        self._read, self._holds = read, holds
-        self._asked: dict[str, int] = {}
-        self._typed: dict[tuple[str, Term], bool] = {}
-
-    def __contains__(self, atom: Atom) -> bool:
-        """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
-        asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
-        if asked <= SINGLY and atom.name not in self._by_name:
-            return self._holds(atom)
-        return atom in self._extent(atom.name)
-
-    def has_type(self, term: Term, type_: str) -> bool:
-        """Whether a term is a value of a type. The answer is remembered: these facts never change."""
-        known = self._typed.get((type_, term))
-        if known is None:
-            known = self._typed[type_, term] = super().has_type(term, type_)
-        return known
-
-    def _extent(self, name: str) -> Mapping[Atom, None]:
-        if name not in self._by_name:
-            self._by_name[name] = dict.fromkeys(self._read(name))
-        return self._by_name[name]
-
-
 def solve(
     body: Body, facts: Facts, bindings: Bindings, below: Facts | None = None
 ) -> Iterator[dict[Variable, Term]]:
@@ -195,26 +167,35 @@ def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:
 def _openness(part: BodyPart, bindings: Bindings) -> tuple[bool, int]:
     """How little of a literal is bound: whether no argument is, and the number of those that are not."""
     assert isinstance(part, Literal)
-    arguments = substitute_atom(part.atom, bindings).arguments
-    unbound = sum(not is_ground(each) for each in arguments)
-    return unbound == len(arguments), unbound
+    unbound = sum(not _is_bound(each, bindings) for each in part.atom.arguments)
+    return unbound == len(part.atom.arguments), unbound
 
 
 def _is_test(part: BodyPart, bindings: Bindings) -> bool:
     match part:
         case Comparison(left, relation, right):
-            sides = substitute(left, bindings), substitute(right, bindings)
-            ground = [is_ground(side) for side in sides]
-            return all(ground) or (relation == "=" and any(ground) and not any(map(_is_open, sides)))
+            bound = [_is_bound(side, bindings) for side in (left, right)]
+            if all(bound) or relation != "=" or not any(bound):
+                return all(bound)
+            return not isinstance(right if bound[0] else left, Operation)  # else it must be computed first
         case Literal(atom):
-            return is_ground(substitute_atom(atom, bindings))
+            return _is_bound(atom, bindings)
         case Aggregate():
             return False
+        case StateAggregate():
+            return can_test(part, bindings)
 
 
-def _is_open(side: Term) -> bool:
-    """Whether a side of a comparison must be computed, but some of its variables have no value yet."""
-    return isinstance(side, Operation) and not is_ground(side)
+def _is_bound(term: Term, bindings: Bindings) -> bool:
+    """Whether a term has no variables under bindings."""
+    if isinstance(term, Variable):
+        value = bindings.get(term)
+        return value is not None and is_ground(value)
+    if isinstance(term, Function):
+        return is_ground(term) or all(_is_bound(each, bindings) for each in term.arguments)
+    if isinstance(term, Operation):
+        return _is_bound(term.left, bindings) and _is_bound(term.right, bindings)
+    return True
 
 
 def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Iterator[Bindings]:
@@ -223,8 +204,22 @@ def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Ite
             yield from _literal(substitute_atom(atom, bindings), positive, facts, bindings, below)
         case Comparison():
             yield from _comparison(part, bindings)
+        case StateAggregate():
+            tuples = _collected(part, facts, bindings, below)
+            yield from fitting(part, bindings, tuples, _collected(part, below, bindings, facts))
         case Aggregate(text):
             raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
+
+
+def _collected(part: StateAggregate, facts: Facts, bindings: Bindings, below: Facts) -> set[Tuple]:
+    """The tuples in the set of an aggregate."""
+    known = {variable: bindings[variable] for variable in part.outer if variable in bindings}
+    found = {
+        tuple(evaluate(substitute(term, bound)) for term in each.terms)
+        for each in part.elements
+        for bound in solve(each.body, facts, known, below)
+    }
+    return {each for each in found if None not in each}
 
 
 def _literal(
@@ -259,7 +254,7 @@ def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:
 def holds(condition: Condition, facts: Facts, bindings: Bindings, below: Facts | None = None) -> bool:
     """Whether a condition is true; with `below`, whether it is true in every state from `facts` to `below`."""
     match condition:
-        case Literal() | Comparison():
+        case Literal() | Comparison() | StateAggregate():
             return next(_part(condition, facts, bindings, below or facts), None) is not None
         case And(parts):
             return all(holds(part, facts, bindings, below) for part in parts)
@@ -277,6 +272,20 @@ def holds(condition: Condition, facts: Facts, bindings: Bindings, below: Facts |
             raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
 
 
+def _typed(parameters: Iterable[Parameter]) -> Iterator[Literal]:
+    """The literals that list the values of each parameter whose type can be listed."""
+    return (Literal(Function(p.type, (p.variable,))) for p in parameters if p.type not in UNLISTED)
+
+
+def bound(
+    parameters: tuple[Parameter, ...], condition: Condition, facts: Facts, bindings: Bindings
+) -> Iterator[Bindings]:
+    """The bindings of all parameters with which a condition holds."""
+    for each in _values(parameters, condition, facts, bindings) if parameters else (bindings,):
+        if holds(condition, facts, each):
+            yield each
+
+
 def _values(
     parameters: tuple[Parameter, ...], part: Condition, facts: Facts, bindings: Bindings
 ) -> Iterator[Bindings]:
@@ -285,6 +294,10 @@ def _values(
         for found in _literal(substitute_atom(part.atom, bindings), True, facts, bindings, facts):
             if all(p.variable not in found or facts.has_type(found[p.variable], p.type) for p in parameters):
                 yield found
+        return
+    if any(parameter.type in UNLISTED for parameter in parameters):  # only facts bind numbers
+        body = tuple(each for each in goal_parts(part) if isinstance(each, Literal | Comparison))
+        yield from solve((*_typed(parameters), *body), facts, bindings)
         return
     if not parameters:
         yield bindings

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from engine.stages.validation.datalog import Bindings, Facts, solve
-from kb.model.conditions import Body, Literal
+from kb.model.conditions import Body, Literal, StateAggregate, literals
 from kb.model.domain import Rule
 from kb.terms import Atom, is_ground, match, substitute_atom
 
@@ -30,6 +30,7 @@ class _Stratum:
     """The rules of predicates that depend on one another, and their instances."""
 
     rules: Sequence[Rule]
+    counting: Sequence[Rule] = ()  # those with aggregates, which are evaluated in each state
     instances: list[Instance] = field(default_factory=list)
     users: dict[Atom, list[Instance]] = field(default_factory=dict)
     known: set[tuple[Atom, tuple[Atom, ...], tuple[Atom, ...]]] = field(default_factory=set)
@@ -42,26 +43,37 @@ class Derivation:
     """
 
     def __init__(self, strata: Iterable[Sequence[Rule]], statics: Facts, dynamic: Collection[str]) -> None:
-        self._strata = [_Stratum(rules) for rules in strata]
+        self._strata = [_stratum(rules) for rules in strata]
         self._dynamic = dynamic
         self._possible = Facts((), statics)
         self._started = False
-        bodies = [rule.body for stratum in self._strata for rule in stratum.rules]
-        heads = {rule.head.name for stratum in self._strata for rule in stratum.rules}
-        self._read = sorted({p.atom.name for body in bodies for p in body if isinstance(p, Literal)} - heads)
+        rules = [rule for each in self._strata for rule in (*each.rules, *each.counting)]
+        heads = {rule.head.name for rule in rules}
+        read = {literal.atom.name for rule in rules for part in rule.body for literal in literals(part)}
+        self._read = sorted(read - heads)
 
     def add(self, state: Facts) -> None:
         """Add to a state, which has fluents only, the derived atoms that follow."""
         self._meet(state)
-        for stratum in self._strata:
-            _spread(stratum, state, state)
+        for place in range(len(self._strata)):
+            self._fill(place, state, state)
 
     def bound(self, lower: Facts, upper: Facts) -> None:
         """Add to `lower` what follows in every state between two sets of fluents, and to `upper` what follows in some."""
         self._meet(upper)
-        for stratum in self._strata:
-            _spread(stratum, lower, upper)
-            _spread(stratum, upper, lower)
+        for place in range(len(self._strata)):
+            self._fill(place, lower, upper)
+            self._fill(place, upper, lower)
+
+    def _fill(self, place: int, facts: Facts, judge: Facts) -> None:
+        """Add everything that follows by one stratum; `judge` decides what is false."""
+        stratum = self._strata[place]
+        _spread(stratum, facts, judge)
+        while fresh := [head for head in _counted(stratum, facts, judge) if facts.add(head)]:
+            new = [head for head in fresh if self._possible.add(head)]
+            for later in self._strata[place:] if new else ():
+                new += self._instantiate(later, new)
+            _spread(stratum, facts, judge)
 
     def _meet(self, state: Facts) -> None:
         """Instantiate the rules over fluents that are new."""
@@ -133,6 +145,20 @@ class Derivation:
     def _static(self, body: Body) -> Body:
         """The conditions without those that something which can change be false."""
         return tuple(p for p in body if not (isinstance(p, Literal) and not p.positive and self._changes(p)))
+
+
+def _stratum(rules: Sequence[Rule]) -> _Stratum:
+    counting = [rule for rule in rules if any(isinstance(part, StateAggregate) for part in rule.body)]
+    return _Stratum([rule for rule in rules if rule not in counting], counting)
+
+
+def _counted(stratum: _Stratum, facts: Facts, judge: Facts) -> list[Atom]:
+    """The heads of the rules with aggregates whose bodies are true."""
+    return [
+        substitute_atom(rule.head, found)
+        for rule in stratum.counting
+        for found in solve(rule.body, facts, {}, judge)
+    ]
 
 
 def _spread(stratum: _Stratum, facts: Facts, judge: Facts) -> None:

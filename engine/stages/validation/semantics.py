@@ -11,14 +11,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State, well_typed
-from engine.stages.validation.datalog import Bindings, Evaluated, Facts, holds, solve
+from engine.stages.validation.datalog import Bindings, Facts, bound, solve
 from engine.stages.validation.derivation import Derivation
+from engine.stages.validation.evaluated import Evaluated
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import guard
 from kb.graphs import components, reached
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts
-from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter
+from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter, literals
 from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator, Rule
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term, Variable, match, substitute_atom, variables
@@ -127,7 +128,7 @@ class Semantics:
     def _uses(self) -> dict[str, list[str]]:
         graph: dict[str, list[str]] = {}
         for name, rules in self._rules.items():
-            used = (p.atom.name for rule in rules for p in rule.body if isinstance(p, Literal))
+            used = (each.atom.name for rule in rules for part in rule.body for each in literals(part))
             graph[name] = [other for other in used if other in self._rules]
         return graph
 
@@ -136,11 +137,11 @@ class Semantics:
         if name not in self._rules:
             return {name} if self._kinds.get(name) is Kind.FLUENT else set()
         used = {
-            p.atom.name
+            literal.atom.name
             for each in reached(self._uses, name)
-            for r in self._rules[each]
-            for p in r.body
-            if isinstance(p, Literal)
+            for rule in self._rules[each]
+            for part in rule.body
+            for literal in literals(part)
         }
         return {other for other in used if self._kinds.get(other) is Kind.FLUENT}
 
@@ -193,7 +194,8 @@ class Semantics:
             for found in self._fires(effect, bindings, facts):
                 atom = substitute_atom(effect.atom, found)
                 if self._kinds.get(atom.name) is Kind.EVENT:
-                    events.append(atom)
+                    if atom not in events or not (effect.parameters or effect.condition != TRUE):
+                        events.append(atom)
                 elif effect.adds:
                     added.append(atom)
                 else:
@@ -205,11 +207,7 @@ class Semantics:
         if effect.condition == TRUE and not effect.parameters:
             yield bindings
             return
-        choices: list[Bindings] = [bindings]
-        for parameter in effect.parameters:
-            values = [atom.arguments[0] for atom in self.statics.named(parameter.type)]
-            choices = [{**each, parameter.variable: value} for each in choices for value in values]
-        yield from (each for each in choices if holds(effect.condition, facts, each))
+        yield from bound(effect.parameters, effect.condition, facts, bindings)
 
     def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> Change:
         """The least fixpoint of what is added and denied, starting from `added`.

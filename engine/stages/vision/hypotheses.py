@@ -14,6 +14,7 @@ from engine.kernels.rigid import transform
 from engine.model.geometry import Floats, Longs, Truths
 from engine.model.solid import Facet, Solid
 from engine.model.vision import DepthImage
+from engine.stages.vision.kernels.samples import Samples, seen
 from engine.stages.vision.lines import Lines
 from engine.stages.vision.outlines import Region, axes_of
 from engine.stages.vision.symmetry import likenesses, symmetries
@@ -213,16 +214,9 @@ def _worth(poses: Floats, model: Model, image: DepthImage) -> Floats:
 
     Negative where more than a fifth of the points before nothing is seen through.
     """
-    points, normals = model.samples
-    at = np.einsum("hij,sj->hsi", poses[:, :3, :3], points) + poses[:, None, :3, 3]
-    facing = np.einsum("hsi,hsi->hs", np.einsum("hij,sj->hsi", poses[:, :3, :3], normals), at)
-    facing = facing < -FACING * np.linalg.norm(at, axis=2)
-    u, v = (np.rint(each).astype(np.int64) for each in image.camera.pixels(at))
-    visible = facing & (u >= 0) & (v >= 0) & (u < image.camera.width) & (v < image.camera.height)
-    depth = np.where(visible, image.depth[np.where(visible, v, 0), np.where(visible, u, 0)], 0.0)
-    apart = np.where(depth > 0, depth - at[..., 2], -np.inf)
-    through = (apart > STEP * image.noise_m).sum(axis=1)
-    agree = (np.abs(apart) <= STEP * image.noise_m).sum(axis=1)
+    camera, (points, normals) = image.camera, model.samples
+    samples = Samples(image.depth, np.array([camera.focal_px, *camera.centre_px]), points, normals, FACING)
+    agree, through = seen(samples, np.ascontiguousarray(poses), STEP * image.noise_m)
     refused = through > THROUGH * np.maximum(agree + through, 1)
     found: Floats = np.where(refused, -1.0, agree - 2.0 * through)
     return found

@@ -1,5 +1,6 @@
 """Straight edges through border points on a plane."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,9 +68,12 @@ def _consensus(points: Floats, normals: Floats, pitch_m: float) -> Truths:
 
 
 def _least_squares(points: Floats, normals: Floats) -> tuple[Floats, float]:
-    middle = points.mean(axis=0)
-    _, _, rows = np.linalg.svd(points - middle, full_matrices=False)
-    normal: Floats = rows[1] if rows[1] @ normals.sum(axis=0) > 0 else -rows[1]
+    middle = points.sum(axis=0) / len(points)
+    (xx, xy), (_, yy) = (points - middle).T @ (points - middle)
+    along = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    normal = np.array([-math.sin(along), math.cos(along)])
+    if normal @ normals.sum(axis=0) <= 0:
+        normal = -normal
     return normal, float(normal @ middle)
 
 

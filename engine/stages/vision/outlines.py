@@ -12,6 +12,7 @@ from scipy import ndimage
 from engine.model.geometry import Floats, Longs, Truths
 from engine.model.vision import Camera, DepthImage
 from engine.stages.vision.kernels.regions import Grower, block, blocks, grow, release
+from engine.stages.vision.kernels.rims import border
 from engine.stages.vision.lines import Lines, lines_through
 
 SIDE, STRIDE = 8, 4  # pixels: of blocks that regions grow from
@@ -21,8 +22,6 @@ LEAST_PX = 120
 MOST = 24  # regions
 BEYOND = (2.0, 4.0, 6.0)  # pixels outside the border where is looked
 STEP = 4.0  # of the noise: what lies farther is beyond an edge
-AROUND = 4  # pixels: how far around a border pixel its direction is taken from
-DISC = np.array([(x, y) for x in range(-4, 5) for y in range(-4, 5) if x * x + y * y <= 18])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,18 +110,6 @@ def _region(
     pitch = -offset / flat / image.camera.focal_px / flat
     lines = lines_through(points, normals, pitch)
     return Region(axes, offset, on_plane(image.camera, axes, offset, inside), lines, int(mask.sum()))
-
-
-def border(mask: Truths) -> tuple[Floats, Floats]:
-    """The border pixels (n, 2) of a mask, as (u, v), and the directions (n, 2) out of it: away from what is near and in it."""
-    v, u = np.nonzero(mask & ~shrunk(mask))
-    wide = np.pad(mask, AROUND)
-    near = wide[v[:, None] + DISC[:, 1] + AROUND, u[:, None] + DISC[:, 0] + AROUND]
-    outward = -(near @ DISC.astype(float))
-    length = np.linalg.norm(outward, axis=1)
-    keep = length > 1e-6
-    at = np.stack([u, v], axis=1).astype(float)
-    return at[keep], outward[keep] / length[keep, None]
 
 
 def shrunk(mask: Truths) -> Truths:

@@ -14,14 +14,15 @@ from engine.model.geometry import Floats, Longs, Truths
 from engine.model.vision import DepthImage, Hypothesis
 from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.kernels.rays import Range, draw
-from engine.stages.vision.outlines import beyond_plane, border, shrunk
+from engine.stages.vision.kernels.rims import border, ends
+from engine.stages.vision.outlines import shrunk
 
 ROUNDS = 6
 AGREES = 3.5  # of the noise
 BEFORE = 10.0  # of the noise: what lies nearer than this before the part hides it; else it contradicts it
 EDGE_PX = 0.5  # the standard deviation of a place where the surface ends
 REACH_PX = 5
-POINTS = 1500
+POINTS = 800  # of the surface that are compared in a round, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,24 +121,13 @@ def outline(model: Model, view: View, seen: Look) -> Rim:
     at, outward = border(seen.owner >= 0)
     u, v = at.astype(np.int64).T
     at += [float(seen.u0), float(seen.v0)]
-    planes = _planes(model, image, seen.T)[seen.owner[v, u]].T
-    steps = np.arange(-REACH_PX, REACH_PX + 1)
-    places = at[:, None] + steps[:, None] * outward[:, None]
-    apart, known = beyond_plane(view.inverse, planes[:, :, None], places)
-    on = known & (np.abs(apart) <= AGREES * image.noise_m)
-    off = known & (apart > AGREES * image.noise_m)
-    hidden = known & (apart < -AGREES * image.noise_m)
-    left = off | hidden
-    first = np.argmax(left, axis=1)
-    ends, rows = left.any(axis=1), np.arange(len(at))
-    begins = on[:, :2].any(axis=1) & (on.sum(axis=1) >= 3)
-    valid = begins & ends & off[rows, first] & (first > 0)
-    shift = np.where(valid, steps[first] - 1.0, np.nan)
+    planes = _planes(model, image, seen.T)[seen.owner[v, u]]
+    shift, goes_on = ends(view.inverse, planes, at, outward, REACH_PX, AGREES * image.noise_m)
     far = np.rint(at + (REACH_PX - 1) * outward).astype(np.int64)
     known = view.known[
         np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)
     ]
-    return Rim(at, outward, shift, begins & ~ends & ~known)
+    return Rim(at, outward, shift, goes_on & ~known)
 
 
 def _planes(model: Model, image: DepthImage, T: Floats) -> Floats:
@@ -192,7 +182,13 @@ def _surface(model: Model, image: DepthImage, seen: Look, within: float) -> tupl
     points = rays * seen.depth[v, u][:, None] - seen.T[:3, 3]
     lacks = slope * seen.apart[v, u]
     weights = gain / (image.noise_m * np.maximum(np.abs(slope), 0.05)) ** 2
-    return np.concatenate([n, np.cross(points, n)], axis=1), lacks, weights
+    return np.concatenate([n, _crossed(points, n)], axis=1), lacks, weights
+
+
+def _crossed(one: Floats, other: Floats) -> Floats:
+    """The cross products (n, 3) of rows: `np.cross` without what it does for other shapes."""
+    (a, b, c), (x, y, z) = one.T, other.T
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
 
 
 def _rim(image: DepthImage, seen: Look, rim: Rim) -> tuple[Floats, Floats, Floats]:
@@ -205,4 +201,4 @@ def _rim(image: DepthImage, seen: Look, rim: Rim) -> tuple[Floats, Floats, Float
     pitch = depth / image.camera.focal_px
     points = rays * depth[:, None] - seen.T[:3, 3]
     weights = 1.0 / (EDGE_PX * pitch) ** 2
-    return np.concatenate([m, np.cross(points, m)], axis=1), shift * pitch, weights
+    return np.concatenate([m, _crossed(points, m)], axis=1), shift * pitch, weights

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from engine.model.measurements import wanted
 from engine.model.outcome import Found, Infeasible
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.objective import Order, plan
 from engine.pipelines.parts import by_sequence
+from engine.pipelines.parts.itinerary import order_of
+from engine.pipelines.planning import problem_of
 from kb.loader import find, load
 from kb.model.problem import Problem
 from kb.terms import Term
@@ -156,3 +159,24 @@ def test_the_ways_of_the_plan_are_those_of_the_tour(tmp_path: Path, seed: int) -
         if one in places and other in places
     )
     assert length == pytest.approx(found.itinerary.tour.cost, abs=len(moves))
+
+
+def test_a_sentence_that_orders_measurements_has_them_made_in_this_order() -> None:
+    """A measurement that was made stays made, so nothing but the tour keeps its place in the order."""
+    problem = problem_of("bulkhead/twelve_points", command="measure m9, then m1, then m8")
+    outcome = plan(problem).outcome
+    assert isinstance(outcome, Found)
+    names = [step.operator.name for step in outcome.plan.steps]
+    made = [
+        str(s.operator.arguments[-1])
+        for s, n in zip(outcome.plan.steps, names, strict=True)
+        if "measure" in n
+    ]
+    assert made == ["m9", "m1", "m8"]
+
+
+def test_a_workflow_of_other_acts_is_no_order_of_measurements() -> None:
+    problem = problem_of(
+        "bulkhead/twelve_points", command="measure m1, then pick up the laser, then measure m2"
+    )
+    assert order_of(problem, wanted(problem)) is None

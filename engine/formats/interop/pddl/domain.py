@@ -160,8 +160,7 @@ class DomainReader:
             (),
             None,
             cost,
-            None,
-            where,
+            where=where,
         )
 
     def _axiom(self, group: Group) -> Iterator[Rule]:

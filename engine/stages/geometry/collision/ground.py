@@ -14,9 +14,10 @@ from engine.kernels.geometry.mechanism import Mechanism
 from engine.kernels.geometry.proof import Proof
 from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Contact, Floats, Joints, Scene, Truths
-from engine.ports import CollisionChecker
+from engine.ports import CollisionChecker, MotionGround
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.covering import covered
+from engine.stages.geometry.collision.difference import differing
 from engine.stages.geometry.shapes.packing import bounded, grouped
 
 
@@ -92,6 +93,11 @@ class Ground:
         left = number[pairs[(moves[pairs].sum(axis=1) == 1) & (number[pairs] >= 0).all(axis=1)]]
         pieces = tuple(scene.pieces[n] for n in kept)
         return Ground(BuiltinChecker(replace(scene, pieces=pieces, pairs=np.ascontiguousarray(left))))
+
+    def changed_since(self, before: MotionGround) -> "Ground | None":
+        """The ground of the pairs that only this or another one has; None if their joints differ."""
+        left = differing(before.scene, self.scene)
+        return None if left is None else Ground(BuiltinChecker(left))
 
     def travel(self, first: Floats, second: Floats) -> float:
         """A bound on the way (m) of every point that moves on the straight line between two configurations (k,)."""

@@ -106,7 +106,7 @@ class ArmModel:
         """Whether a value of one joint is within its limits."""
         return bool(self.joints.lower[joint] - tolerance <= value <= self.joints.upper[joint] + tolerance)
 
-    def random(self, count: int, rng: np.random.Generator) -> Floats:
+    def random(self, count: int, rng: "np.random.Generator") -> Floats:
         """Configurations (count, k), drawn uniformly within the limits.
 
         An unlimited joint takes any angle of one full turn.

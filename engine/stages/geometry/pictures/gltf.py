@@ -7,7 +7,7 @@ not poses. Up is the z axis here and the y axis in glTF, so the root node turns 
 import base64
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -89,6 +89,50 @@ def document(shown: Sequence[Surface], joints: Joints, times_s: Floats, configur
         if not node.get("children", True):
             del node["children"]  # an empty list is not allowed
     return made.text(root)
+
+
+def film(shown: Sequence[Surface], names: Sequence[str], times_s: Floats, poses: Floats) -> str:
+    """The glTF text of surfaces whose carriers are at poses (m, n, 4, 4) at times (m,). `names` are those of the carriers.
+
+    A carrier that never moves is not animated.
+    """
+    made = _Document()
+    turned = [-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
+    root = made.add("nodes", {"name": names[0], "rotation": turned, "children": []})
+    nodes = [
+        _child(made, root, {"name": name, **_placed(poses[0, n]), "children": []})
+        for n, name in enumerate(names)
+    ]
+    for surface in shown:
+        _child(made, nodes[surface.carrier], {"name": surface.body, "mesh": _mesh(made, surface)})
+    clock, channels, samplers = made.numbers(times_s, "SCALAR"), list[Any](), list[Any]()
+    for n, node in enumerate(nodes):
+        for path, values, shape in _tracks(poses[:, n]):
+            sampler = {"input": clock, "output": made.numbers(values, shape), "interpolation": "LINEAR"}
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+            samplers.append(sampler)
+    if channels:
+        made.add("animations", {"name": "film", "channels": channels, "samplers": samplers})
+    for node_ in made.content["nodes"]:
+        if not node_.get("children", True):
+            del node_["children"]  # an empty list is not allowed
+    return made.text(root)
+
+
+def _placed(T: Floats) -> dict[str, Any]:
+    return {"translation": T[:3, 3].tolist(), "rotation": quaternion(T[:3, :3]).tolist()}
+
+
+def _tracks(poses: Floats) -> Iterator[tuple[str, Floats, str]]:
+    """What changes along poses (m, 4, 4): path, values and shape."""
+    places = poses[:, :3, 3]
+    if np.ptp(places, axis=0).max() > 1e-9:
+        yield "translation", places, "VEC3"
+    if np.ptp(poses[:, :3, :3], axis=0).max() > 1e-9:
+        turns = np.stack([quaternion(T[:3, :3]) for T in poses])
+        for n in range(1, len(turns)):  # the short way round: a quaternion and its opposite are one rotation
+            turns[n] *= 1.0 if turns[n] @ turns[n - 1] >= 0 else -1.0
+        yield "rotation", turns, "VEC4"
 
 
 def _child(made: _Document, parent: int, node: dict[str, Any]) -> int:

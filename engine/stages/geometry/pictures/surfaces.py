@@ -49,13 +49,13 @@ def surfaces(world: World, scene: Scene, contacts: Collection[Contact] = ()) -> 
     found = []
     for piece in scene.pieces:
         vertices, triangles = mesh_of(piece)
-        kind = "in collision" if piece.body in hit else _kind(world, piece.body)
+        kind = "in collision" if piece.body in hit else kind_of(world, piece.body)
         colour = _colour(world, piece.body, kind)
         found.append(Surface(piece.body, piece.carrier, vertices, triangles, colour, kind))
     return found
 
 
-def _kind(world: World, body: str) -> str:
+def kind_of(world: World, body: str) -> str:
     """What a body is, as in `KINDS`."""
     if body in world.cell.bodies:
         return world.cell.bodies[body].kind.value

@@ -26,8 +26,6 @@ from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import scene_of
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.loader import CELL_FILE, domain_of
-from kb.loader.cell import load_cell
 from kb.loader.configuration import read_configuration
 from kb.model.cell import Cell
 from kb.terms import Atom
@@ -44,15 +42,6 @@ class View:
     world: World
     contacts: tuple[Contact, ...]
     configurations: Floats
-
-
-def cell_of(target: str) -> Cell:
-    """The cell beside the domain of a target. Raises `InvalidInput`."""
-    path = domain_of(target).with_name(CELL_FILE)
-    if not path.is_file():
-        hint = f"describe the cell in a {CELL_FILE} beside the domain"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"there is no {CELL_FILE}", hint)])
-    return load_cell(path)
 
 
 def view_of(

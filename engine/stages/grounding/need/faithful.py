@@ -23,17 +23,21 @@ def without_irrelevant(task: Task) -> Task:
     waiting: list[GroundOperator] = list(task.operators)
     if task.axioms is not None:
         wanted |= task.axioms.read
+
+    def achieves(operator: GroundOperator) -> Bits:
+        return _achieves(operator) | (task.axioms.helps(operator.changes) if task.axioms else 0)
+
     grown = True
     while grown:
         grown, rest = False, []
         for operator in waiting:
-            if _achieves(operator) & wanted:
+            if achieves(operator) & wanted:
                 more = _needs(operator) & ~wanted
                 wanted, grown = wanted | more, grown or bool(more)
             else:
                 rest.append(operator)
         waiting = rest
-    kept = tuple(each for each in task.operators if _achieves(each) & wanted)
+    kept = tuple(each for each in task.operators if achieves(each) & wanted)
     return replace(task, operators=kept)
 
 

@@ -16,6 +16,7 @@ from kb.model.conditions import (
     Literal,
     Not,
     Parameter,
+    StateAggregate,
 )
 from kb.model.conditions import conditions as parts_of
 from kb.model.domain import Domain, Operator
@@ -74,19 +75,19 @@ def with_name(term: Function, name: str, other: Function = STAND_IN) -> Function
     )
 
 
-def names(term: Term) -> Iterator[str]:
+def names(term: Term) -> list[str]:
     """The names of the constants in a term. The name of an atom itself is none of them."""
-    match term:
-        case Function(_, arguments):
-            for each in arguments:
-                if isinstance(each, Function) and not each.arguments:
-                    yield each.name
-                else:
-                    yield from names(each)
-        case Operation(_, left, right):
-            yield from names(Function("", (left, right)))
-        case _:
-            return
+    if isinstance(term, Operation):
+        return names(Function("", (term.left, term.right)))
+    found = list[str]()
+    for each in term.arguments if isinstance(term, Function) else ():
+        if not isinstance(each, Function):
+            found += names(each) if isinstance(each, Operation) else ()
+        elif each.arguments:
+            found += names(each)
+        else:
+            found.append(each.name)
+    return found
 
 
 def _mentioned(problem: Problem) -> Iterator[Term]:
@@ -155,7 +156,9 @@ def _ranged(problem: Problem) -> set[str]:
         for literal in (Literal(rule.head), *rule.body):
             if isinstance(literal, Literal) and literal.atom.name in domain.predicates:
                 found |= set(domain.predicates[literal.atom.name].arguments)
-    if any(isinstance(part, Aggregate) for body in _bodies(domain) for part in body):
+    if domain.quantities or any(
+        isinstance(part, Aggregate | StateAggregate) for body in _bodies(domain) for part in body
+    ):
         found.add("object")
     return _held(domain, found)
 
@@ -177,6 +180,7 @@ def _bodies(domain: Domain) -> Iterator[Body]:
     for deductive in domain.deductive_operators:
         yield deductive.body
         yield from (each.body for each in deductive.consequences)
+    yield from (each.body for each in domain.rules)
 
 
 def _held(domain: Domain, types: set[str]) -> set[str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from engine.stages.grounding.program import Conditional, Schema, Vocabulary, conditionals, schemas
-from kb.model.conditions import BodyPart, Literal, goal_parts
+from kb.model.conditions import BodyPart, Literal, StateAggregate, goal_parts, literals
 from kb.model.domain import Domain
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
@@ -99,6 +99,10 @@ class _Search:
     def _need(self, body: Iterable[BodyPart], bindings: Substitution, flipped: bool = False) -> None:
         """Want all dynamic literals of a body, and note its static ones."""
         for part in body:
+            if isinstance(part, StateAggregate):
+                for literal in literals(part):
+                    for sign in (True, False):
+                        self._need((Literal(literal.atom, sign),), bindings)
             if not isinstance(part, Literal):
                 continue
             pattern = _opened(part.atom, bindings)
@@ -196,15 +200,15 @@ def _meets(term: Term, pattern: Term, bindings: dict[Variable, Term]) -> bool:
 
 def overlap(one: Term, other: Term) -> bool:
     """Whether two patterns can stand for the same term."""
+    if isinstance(one, Function) and isinstance(other, Function):
+        return one is other or (
+            one.name == other.name
+            and len(one.arguments) == len(other.arguments)
+            and all(map(overlap, one.arguments, other.arguments))
+        )
     if ANYTHING in (one, other) or isinstance(one, Operation) or isinstance(other, Operation):
         return True
-    if not isinstance(one, Function) or not isinstance(other, Function):
-        return one == other
-    return (
-        one.name == other.name
-        and len(one.arguments) == len(other.arguments)
-        and all(map(overlap, one.arguments, other.arguments))
-    )
+    return one == other
 
 
 def _opened(atom: Atom, bindings: Substitution) -> Atom:

@@ -67,7 +67,7 @@ def _started(problem: Problem, statics: Named | None) -> tuple[Named, tuple[Atom
     state, contradicted = initial_state(problem, Vocabulary(problem.domain))
 
     def named(name: str, arity: int) -> Iterable[Atom]:
-        return (Function(name, each) for each in evaluated(problem).atoms(name, arity))
+        return evaluated(problem).facts(name, arity)
 
     return statics or named, None if contradicted else state
 

@@ -27,6 +27,10 @@ def generalise(problem: Problem, plan: Plan, world: CellDomain, initial: State) 
     """
     if not plan.steps:
         raise NotGeneral("a plan without steps teaches nothing")
+    if problem.domain.counts_fluents:
+        raise NotGeneral("rules of this domain count what can change")
+    if any(world.schemas.named(step.operator.name).batches for step in plan.steps):
+        raise NotGeneral("a step lets an event happen to all that is there")
     proof = Proof(world, plan, initial)
     for step in plan.steps:
         proof.justify(step)

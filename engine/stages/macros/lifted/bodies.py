@@ -6,9 +6,17 @@ The cheapest part comes first, and each test runs as soon as it can be decided.
 from collections.abc import Iterator, Mapping
 
 from engine.stages.macros.lifted.facts import Facts
-from kb.arithmetic import compare, evaluate
-from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal, substitute_part
-from kb.terms import Operation, Term, Variable, is_ground, match
+from kb.arithmetic import aggregated, compare, evaluate, order_key, relates, term_of
+from kb.model.conditions import (
+    Aggregate,
+    Body,
+    BodyPart,
+    Comparison,
+    Literal,
+    StateAggregate,
+    substitute_part,
+)
+from kb.terms import Operation, Term, Variable, is_ground, match, substitute
 
 Bindings = Mapping[Variable, Term]
 
@@ -45,13 +53,23 @@ def _truth(part: BodyPart, facts: Facts) -> bool | None:
             return (atom in facts) == positive if is_ground(atom) else None
         case Comparison(left, relation, right):
             return compare(left, relation, right) if is_ground(left) and is_ground(right) else None
+        case StateAggregate():
+            return None if part.outer else next(_fitting(part, facts), None) is not None
         case Aggregate():
             raise ValueError(f"aggregates must be evaluated before this: {part}")
 
 
 def satisfiable(body: Body, facts: Facts, bindings: Bindings) -> bool:
-    """Whether a body has a binding."""
-    return not body or next(solve(body, facts, bindings), None) is not None
+    """Whether a body has a binding. Tests come first: most bodies have nothing else."""
+    waiting = []
+    for part in body:
+        bound = substitute_part(part, bindings)
+        truth = _truth(bound, facts)
+        if truth is None:
+            waiting.append(bound)
+        elif not truth:
+            return False
+    return not waiting or next(_solved(waiting, facts, {}), None) is not None
 
 
 def _cheapest(parts: list[BodyPart], facts: Facts) -> int:
@@ -66,6 +84,8 @@ def _cost(part: BodyPart, facts: Facts) -> float:
             return 0 if relation == "=" and _binds(left, right) else float("inf")
         case Literal(atom, positive):
             return len(facts.matching(atom)) if positive else 1e9
+        case StateAggregate(outer=outer):
+            return 1e10 if len(outer) == 1 else float("inf")
         case _:
             return float("inf")
 
@@ -81,8 +101,27 @@ def _extensions(part: BodyPart, facts: Facts) -> Iterator[Bindings]:
                 yield {}
         case Comparison():
             yield from _comparison(part)
+        case StateAggregate():
+            yield from _fitting(part, facts)
         case _:
             return
+
+
+def _fitting(part: StateAggregate, facts: Facts) -> Iterator[Bindings]:
+    """The value of the variable that takes that of an aggregate, or nothing to bind, if the aggregate is true."""
+    tuples = {
+        tuple(evaluate(substitute(term, found)) for term in each.terms)
+        for each in part.elements
+        for found in solve(each.body, facts, {})
+    }
+    value = aggregated(part.function, tuples)
+    term = term_of(value, tuples)
+    bindings = {part.outer[0]: term} if part.outer and term is not None else {}
+    sides = [(relation, evaluate(substitute(side, bindings))) for relation, side in part.guards]
+    if all(side is not None and is_ground(side) for _, side in sides):
+        true = all(relates(relation, value, order_key(side)) for relation, side in sides if side is not None)
+        if true is part.positive:
+            yield bindings
 
 
 def _binds(left: Term, right: Term) -> bool:

@@ -130,6 +130,23 @@ class Facts:
         return type_ == OBJECT or Function(type_, (term,)) in self
 
 
+class Layered(Facts):
+    """The facts of a state, and below them those of predicates of which the state has none."""
+
+    __slots__ = ("_above", "_below")
+
+    def __init__(self, above: Facts, below: Facts) -> None:
+        super().__init__()
+        self._above, self._below = above, below
+
+    def __contains__(self, atom: Atom) -> bool:
+        return atom in self._above or atom in self._below
+
+    def _extent(self, name: str) -> Extent:
+        found = self._above._extent(name)
+        return found if found.atoms else self._below._extent(name)
+
+
 class GivenFacts(Facts):
     """Facts that someone else has evaluated. Each predicate is read when it is first asked for; nothing is changed."""
 
@@ -143,10 +160,13 @@ class GivenFacts(Facts):
 
     def __contains__(self, atom: Atom) -> bool:
         """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
-        asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
-        if asked <= SINGLY and atom.name not in self._extents:
-            return self._holds(atom)
-        return atom in self._extent(atom.name).atoms
+        known = self._extents.get(atom.name)
+        if known is None:
+            asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
+            if asked <= SINGLY:
+                return self._holds(atom)
+            known = self._extent(atom.name)
+        return atom in known.atoms
 
     def _extent(self, name: str) -> Extent:
         if name not in self._extents:

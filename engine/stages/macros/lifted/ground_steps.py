@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
 from engine.stages.macros.lifted.facts import Facts
 from engine.stages.macros.lifted.schema import Following, OperatorSchema, Schemas
-from kb.model.conditions import Body, Literal, part_variables, substitute_part
+from kb.model.conditions import Body, BodyPart, Literal, part_variables, substitute_part
 from kb.terms import Atom, is_ground, match, substitute_atom
 
 Needed = tuple[tuple[Atom, ...], tuple[Atom, ...]]  # atoms that must hold, and atoms that must not
@@ -56,7 +56,7 @@ def _swept(pattern: Atom, guard: Body, atom: Atom, statics: Facts) -> bool:
 def is_plain(schema: OperatorSchema, schemas: Schemas) -> bool:
     """Whether the instances of an operator can be prepared without a state."""
     header = set(schema.operator.variables)
-    return not any(each.needs for each in (*schema.adds, *schema.denies)) and all(
+    return not any(each.needs for each in (*schema.adds, *schema.denies, *schema.batches)) and all(
         isinstance(part, Literal)
         and schemas.is_dynamic(part)
         and not schemas.is_derived(part.atom)
@@ -102,11 +102,19 @@ def _ends(pattern: Atom, guard: Body, adds: Collection[Atom], statics: Facts) ->
 
 def _possible(guard: Body, statics: Facts) -> bool:
     """Whether all parts of a guard hold, as far as they have no open variables."""
-    return satisfiable(tuple(part for part in guard if next(part_variables(part), None) is None), statics, {})
+    return satisfiable(tuple(part for part in guard if not _is_open(part)), statics, {})
 
 
 def _open_parts(guard: Body) -> Body:
-    return tuple(part for part in guard if next(part_variables(part), None) is not None)
+    return tuple(filter(_is_open, guard))
+
+
+def _is_open(part: BodyPart) -> bool:
+    return (
+        next(part_variables(part), None) is not None
+        if not isinstance(part, Literal)
+        else not is_ground(part.atom)
+    )
 
 
 def _clashes(

@@ -24,7 +24,7 @@ from kb.terms import ANYTHING, Atom, Function, Substitution, Term, Variable, sub
 class OperatorSchema:
     """An operator: the alternatives of its precondition and all that it may add, deny and let happen.
 
-    `universal` is whether one of its conditions speaks of all objects.
+    `batches` are the events that happen under conditions. `universal` is whether one of its conditions speaks of all objects.
     """
 
     operator: Operator
@@ -34,6 +34,7 @@ class OperatorSchema:
     denies: tuple[Following, ...]
     events: tuple[Atom, ...]
     universal: bool = False
+    batches: tuple[Following, ...] = ()
 
     def renamed(self, bindings: Substitution) -> "OperatorSchema":
         """The same schema with other variables. `bindings` must contain the variables of the header."""
@@ -45,6 +46,7 @@ class OperatorSchema:
             tuple(each.renamed(bindings) for each in self.denies),
             tuple(substitute_atom(each, bindings) for each in self.events),
             self.universal,
+            tuple(each.renamed(bindings) for each in self.batches),
         )
 
     def variables(self) -> Iterator[Variable]:
@@ -163,9 +165,10 @@ class Schemas:
         known = len(self.rules)
         alternatives = self._alternatives(operator.precondition, types)
         explicit = [self._explicit(effect.atom, effect, types) for effect in operator.effects]
-        events = tuple(e.atom for e in operator.effects if self.kinds.get(e.atom.name) is Kind.EVENT)
+        events = tuple(e.atom for e in operator.effects if self._is_event(e.atom) and not _conditional(e))
         plain = [(e, each) for e, found in zip(operator.effects, explicit, strict=True) for each in found]
-        adds = [each for effect, each in plain if effect.adds and each.atom not in events]
+        adds = [each for effect, each in plain if effect.adds and not self._is_event(each.atom)]
+        batches = tuple(each for e, each in plain if self._is_event(each.atom) and _conditional(e))
         held = {
             part.atom
             for body in alternatives
@@ -178,10 +181,15 @@ class Schemas:
         added, denied = self._deduction.closure(adds, first, sorted(held, key=str))
         body = (*type_guards(operator.parameters), *without_aggregates(operator.body, operator.parameters))
         universal = len(self.rules) > known
-        return OperatorSchema(operator, body, alternatives, tuple(added), tuple(denied), events, universal)
+        return OperatorSchema(
+            operator, body, alternatives, tuple(added), tuple(denied), events, universal, batches
+        )
+
+    def _is_event(self, atom: Atom) -> bool:
+        return self.kinds.get(atom.name) is Kind.EVENT
 
     def _explicit(self, atom: Atom, effect: Effect, types: dict[Variable, str]) -> list[Following]:
-        if effect.condition == TRUE and not effect.parameters:
+        if not _conditional(effect):
             return [Following(atom, deduced=False)]
         fresh = {p.variable: self.fresh(p.variable) for p in effect.parameters}
         inner = {**types, **{p.variable: p.type for p in effect.parameters}}
@@ -192,6 +200,10 @@ class Schemas:
             guard = tuple(part for part in parts if not self.is_dynamic(part))
             found.append(Following(substitute_atom(atom, fresh), guard, needs, deduced=False))
         return found
+
+
+def _conditional(effect: Effect) -> bool:
+    return bool(effect.parameters) or effect.condition != TRUE
 
 
 __all__ = ["Following", "NotGeneral", "OperatorSchema", "Schemas", "stand_in", "type_guards"]

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 
 from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
 from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lifted.facts import Facts, GivenFacts
+from engine.stages.macros.lifted.facts import Facts, GivenFacts, Layered
 from engine.stages.macros.lifted.ground_steps import GroundStep, ground_step, is_plain
 from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
 from kb.asp.statics import evaluated
@@ -17,7 +17,7 @@ from kb.asp.vocabulary import VIOLATED, guard
 from kb.graphs import components
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts
-from kb.model.conditions import Aggregate, Body, Literal, Parameter
+from kb.model.conditions import Aggregate, Body, Literal, Parameter, StateAggregate, literals
 from kb.model.domain import Domain, Rule
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term, Variable, match, substitute_atom
@@ -85,7 +85,7 @@ class CellDomain:
     def _layers(self) -> list[list[Rule]]:
         graph: dict[str, list[str]] = {rule.head.name: [] for rule in self.schemas.rules}
         for rule in self.schemas.rules:
-            used = (part.atom.name for part in rule.body if isinstance(part, Literal))
+            used = (each.atom.name for part in rule.body for each in literals(part))
             graph[rule.head.name] += [name for name in used if name in graph]
         return [[rule for rule in self.schemas.rules if rule.head.name in part] for part in components(graph)]
 
@@ -122,8 +122,9 @@ class CellDomain:
         schema, bindings = self.binding(step)
         adds = dict.fromkeys(atom for each in schema.adds for atom in self._instances(each, bindings, facts))
         ends = dict.fromkeys(atom for each in schema.denies for atom in self._ended(each, bindings, facts))
-        events = tuple(substitute_atom(each, bindings) for each in schema.events)
-        return StepChange(tuple(adds), tuple(atom for atom in ends if atom not in adds), events)
+        events = [substitute_atom(each, bindings) for each in schema.events]
+        events += dict.fromkeys(a for each in schema.batches for a in self._instances(each, bindings, facts))
+        return StepChange(tuple(adds), tuple(atom for atom in ends if atom not in adds), tuple(events))
 
     def _instances(self, each: Following, bindings: Bindings, facts: Facts) -> Iterator[Atom]:
         for found in solve(each.guard, self.statics, bindings):
@@ -175,6 +176,9 @@ def with_derived(world: CellDomain, facts: Facts) -> Facts:
 
 
 def _solutions(body: Body, world: CellDomain, state: Facts) -> Iterator[Mapping[Variable, Term]]:
+    if any(isinstance(part, StateAggregate) for part in body):
+        yield from solve(body, Layered(state, world.statics), {})
+        return
     dynamic = tuple(p for p in body if world.schemas.is_dynamic(p) and isinstance(p, Literal) and p.positive)
     negative = tuple(p for p in body if world.schemas.is_dynamic(p) and p not in dynamic)
     static = tuple(p for p in body if not world.schemas.is_dynamic(p))

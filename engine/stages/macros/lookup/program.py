@@ -9,6 +9,7 @@ from kb.model.conditions import (
     Comparison,
     Literal,
     Parameter,
+    StateAggregate,
     part_variables,
     substitute_part,
 )
@@ -92,7 +93,7 @@ def _goals(macrop: Macrop) -> list[Item]:
 def _tests(macrop: Macrop) -> list[Item]:
     found = [_item("state", each) for each in macrop.preconditions]
     tests = (*macrop.constraints, *macrop.disequalities)
-    found += [_item("static", each) for each in tests if not isinstance(each, Aggregate)]
+    found += [_item("static", each) for each in tests if not isinstance(each, Aggregate | StateAggregate)]
     return found + [_item("type", each) for each in macrop.types]
 
 

@@ -42,6 +42,8 @@ def rules(axioms: Axioms | None, size: int) -> list[GroundOperator]:
 class Evaluation:
     """Relaxed plans from any closed state to one conjunction of goals, over atoms below `size`.
 
+    Of a state, only the atoms in `seen` count: not the values of quantities, but what compares them.
+
     With `unit` every operator costs 1, so that plans are short instead of cheap.
     """
 
@@ -54,6 +56,8 @@ class Evaluation:
         unit: bool = False,
         axioms: Axioms | None = None,
     ) -> None:
+        if axioms is not None and axioms.tests:
+            operators = [replace(each, adds=each.adds | axioms.helps(each.changes)) for each in operators]
         self.operators, self._owners = effects(operators)
         self._plain = len(operators)
         free = rules(axioms, size)
@@ -62,6 +66,7 @@ class Evaluation:
         self.operators += free
         self._owners += [NOBODY] * len(free)
         self._width = (size + 7) // 8
+        self.seen = (1 << (axioms.size if axioms is not None and axioms.tests else size)) - 1
         needs = [tuple(indices(operator.preconditions)) for operator in self.operators]
         adds = [tuple(indices(operator.adds)) for operator in self.operators]
         users: list[list[int]] = [[] for _ in range(size)]
@@ -77,7 +82,7 @@ class Evaluation:
 
         An applicable operator is preferred if the relaxed plan begins with it.
         """
-        estimate = self._plans.evaluate(state.to_bytes(self._width, "little"))
+        estimate = self._plans.evaluate((state & self.seen).to_bytes(self._width, "little"))
         found, helpful = self._plans.applicable, self._plans.preferred
         if len(self.operators) > self._plain:
             found = [number for number in found if number < self._plain]

@@ -86,7 +86,13 @@ class Forward:
 
     def _found_landmarks(self, size: int) -> Landmarks:
         hidden = (1 << self.evaluate.size) - (1 << size)
-        return Landmarks(self.evaluate.operators, self.initial, self.goals, self.evaluate.size, hidden)
+        return Landmarks(
+            self.evaluate.operators,
+            self.initial & self.evaluate.seen,
+            self.goals,
+            self.evaluate.size,
+            hidden,
+        )
 
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
@@ -127,7 +133,7 @@ class Forward:
         accepted = b""
         if self._landmarks:
             before = self._nodes[parent].accepted if parent >= 0 else self._landmarks.none
-            accepted = self._landmarks.accept(before, state)
+            accepted = self._landmarks.accept(before, state & self.evaluate.seen)
         self._nodes.append(Node(state, accepted, parent, operator))
         if self.goals & ~state == 0:
             return True
@@ -136,7 +142,11 @@ class Forward:
         if estimate < 0:
             return False
         effort.generated += len(applicable)
-        keys = [estimate, self._landmarks.left(accepted, state)] if self._landmarks else [estimate]
+        keys = (
+            [estimate, self._landmarks.left(accepted, state & self.evaluate.seen)]
+            if self._landmarks
+            else [estimate]
+        )
         if any(key < best for key, best in zip(keys, self._best, strict=False)):
             self._best = [min(pair) for pair in zip(keys, self._best, strict=False)]
             self._priorities[1] -= BOOST
@@ -187,6 +197,7 @@ def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequenc
     """
     size, operators, goals = len(task.atoms), task.operators, task.goals
     if len(goals) != 1:
+        task.reserve(size)
         meet = (GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in goals)
         operators, goals, size = (*operators, *meet), (1 << size,), size + 1
     return Forward(

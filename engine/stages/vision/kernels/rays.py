@@ -3,8 +3,10 @@
 """The rays of a camera's pixels on triangles: how deep the first one hit lies, and which it is.
 
 A ray meets a triangle where it passes all three planes through the eye and an edge on the same side. These tests are linear
-in the pixel, so each triangle is tried on the pixels of the box around its picture only.
+in the pixel, so each triangle is tried, in each row of the box around its picture, on one stretch of pixels only.
 """
+
+import math
 
 import cython
 import numpy as np
@@ -55,24 +57,45 @@ def _draw(r: Range, corners: Floats, t: int, owner: int) -> None:
             return
         left, right = _least(u0 + r.cx, left), _most(u1 + r.cx, right)
         top, bottom = _least(v0 + r.cy, top), _most(v1 + r.cy, bottom)
-    _planes(r, corners, t)
+    offset = _planes(r, corners, t)
+    if offset == 0.0:
+        return
     for v in range(top, bottom + 1):
-        for u in range(left, right + 1):
-            _look(r, corners, t, owner, u, v)
+        y = (v - r.cy) / r.focal
+        first, last = _span(r, y, 1.0 if offset > 0.0 else -1.0, left, right)
+        for u in range(first, last + 1):
+            _look(r, owner, u, v, y, offset)
 
 
-def _look(r: Range, corners: Floats, t: int, owner: int, u: int, v: int) -> None:
+def _span(r: Range, y: float, side: float, left: int, right: int) -> tuple[int, int]:
+    """The first and the last pixel of a row that may be on the inner side of all three edges; the last is before the first if none is.
+
+    One pixel more on each side, as the row's ends are rounded.
+    """
+    low, high = 1.0 * left, 1.0 * right
+    for i in range(3):
+        rise, height = side * r.plane[i, 0] / r.focal, side * (r.plane[i, 1] * y + r.plane[i, 2])
+        if rise > 0.0:
+            low = max(low, r.cx - height / rise - 1.0)
+        elif rise < 0.0:
+            high = min(high, r.cx - height / rise + 1.0)
+        elif height < 0.0:
+            high = low - 1.0
+    if low > high:
+        return (left, left - 1)
+    first, last = math.floor(low), min(math.ceil(high), 1.0 * right)
+    return (int(first), int(last))
+
+
+def _look(r: Range, owner: int, u: int, v: int, y: float, offset: float) -> None:
     """Let one pixel see the triangle whose planes are set, if its ray meets it before anything else."""
-    x, y = (u - r.cx) / r.focal, (v - r.cy) / r.focal
+    x = (u - r.cx) / r.focal
     a = r.plane[0, 0] * x + r.plane[0, 1] * y + r.plane[0, 2]
     b = r.plane[1, 0] * x + r.plane[1, 1] * y + r.plane[1, 2]
     c = r.plane[2, 0] * x + r.plane[2, 1] * y + r.plane[2, 2]
     slope = a + b + c
     if slope == 0.0 or min(a, b, c) * max(a, b, c) < 0.0:
         return
-    offset = (
-        r.plane[3, 0] * corners[t, 0, 0] + r.plane[3, 1] * corners[t, 0, 1] + r.plane[3, 2] * corners[t, 0, 2]
-    )
     z = offset / slope
     if z > NEAR and (r._owner[v, u] == NONE or z < r._depth[v, u]):
         r._depth[v, u], r._owner[v, u] = z, owner
@@ -92,8 +115,8 @@ def _most(pixel: float, high: int) -> int:
     return high
 
 
-def _planes(r: Range, corners: Floats, t: int) -> None:
-    """Normals of the planes through the eye and the edges, then of the triangle's plane, which is their sum."""
+def _planes(r: Range, corners: Floats, t: int) -> float:
+    """Set the normals of the planes through the eye and the edges, and of the triangle's plane, their sum; its offset."""
     for x in range(3):
         r.plane[3, x] = 0.0
     for i in range(3):
@@ -102,3 +125,6 @@ def _planes(r: Range, corners: Floats, t: int) -> None:
             y, z = (x + 1) % 3, (x + 2) % 3
             r.plane[i, x] = corners[t, i, y] * corners[t, j, z] - corners[t, i, z] * corners[t, j, y]
             r.plane[3, x] += r.plane[i, x]
+    return float(
+        r.plane[3, 0] * corners[t, 0, 0] + r.plane[3, 1] * corners[t, 0, 1] + r.plane[3, 2] * corners[t, 0, 2]
+    )

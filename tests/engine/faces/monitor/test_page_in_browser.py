@@ -1,90 +1,175 @@
-"""The page in a browser: views, replay and orders. Skipped where NiceGUI, Playwright or Chromium is missing."""
+"""Pages of runs that are over: views, replay, what is chosen, the arm where the journal puts it, and nothing from elsewhere."""
 
-import shutil
-import socket
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
+import json
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from tests.places import TOP
+from engine.faces.monitor.following import Follower
+from engine.pipelines.execution.retracing import Resting, Retracing, world_during
+from engine.pipelines.planning import problem_of
+from engine.plugins import geometry_backend
+from engine.stages.geometry.pictures.stl import poses
+from engine.stages.geometry.pictures.view import cell_of
+from kb.store.journal import Journal, Line
+from tests.engine.faces.monitor.conftest import Serve, at, run_there
 
-pytest.importorskip("nicegui", reason="needs the extra `monitor`")
-browser_of = pytest.importorskip("playwright.sync_api", reason="needs Playwright")
-CHROMIUM = shutil.which("chromium")
-QUIET = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")]
-CELLWRIGHT = [sys.executable, "-m", "engine.faces.cli"]
+pytestmark = pytest.mark.slow
+Open = Callable[[str], Any]
+TARGET = "themse/in_furnace"
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    store = tmp_path_factory.mktemp("store") / "runs.db"
-    words = ["run", "themse/one", "--store", str(store), "--name", "monday", "--fault", "3=not_gripped"]
-    subprocess.run([*CELLWRIGHT, *words], cwd=TOP, check=True, capture_output=True)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    serving = [*CELLWRIGHT, "monitor", "monday", "--store", str(store), "--port", str(port)]
-    with subprocess.Popen(serving, cwd=TOP, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        address = process.stdout.readline().strip()
-        _wait_for(port)
-        yield address
-        process.terminate()
+def store(serve: Serve, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001 - nothing runs without a browser
+    made = tmp_path_factory.mktemp("store") / "runs.db"
+    run_there(made, TARGET, "--name", "monday", "--fault", "pick=not_gripped")
+    run_there(made, TARGET, "--name", "tuesday")
+    return made
 
 
-def _wait_for(port: int) -> None:
-    until = time.monotonic() + 60
-    while time.monotonic() < until:
-        with socket.socket() as trial:
-            if trial.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.1)
-    raise TimeoutError("the monitor does not answer")
+@pytest.fixture(scope="module")
+def site(serve: Serve, store: Path) -> str:
+    return serve(store, store.parent)
 
 
-@pytest.fixture
-def page(address: str) -> Iterator[Any]:
-    with browser_of.sync_playwright() as player:
-        browser = player.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
-        opened = browser.new_page(viewport={"width": 1280, "height": 720})
-        opened.set_default_timeout(20_000)
-        opened.asked = []
-        opened.on("request", lambda request: opened.asked.append(request.url))
-        opened.goto(address)
-        opened.wait_for_selector("svg .step")
-        yield opened
-        browser.close()
-
-
-def test_every_view_shows_the_run_and_nothing_comes_from_elsewhere(page: Any, address: str) -> None:
+def test_every_view_shows_the_run_and_nothing_comes_from_elsewhere(open_page: Open, site: str) -> None:
+    page = open_page(f"{site}/run/monday")
+    page.wait_for_selector("svg .step")
     wanted = {
-        "plan": "heat(probe_1",
-        "world": "stored",
-        "diagnosis": "grip_again",
-        "objects": "pick(",
-        "log": "EXCEPTION",
-    }
+        "plan": "pick(", "world": "stored", "sequence": "measures nothing", "diagnosis": "grip_again",
+        "results": "of", "objects": "pick(", "log": "EXCEPTION", "compare": "the other run", "cell": "touch",
+    }  # fmt: skip
     for name, text in wanted.items():
-        page.locator(f'[data-testid="tab-{name}"]').click()
+        at(page, f"tab-{name}").click()
         page.locator(".q-tab-panel:visible", has_text=text).first.wait_for()
-    site = address.partition("/run/")[0]
-    assert [each for each in page.asked if not each.startswith((site, "data:"))] == []
+    at(page, "tab-diagnosis").click()
+    at(page, "tree").click()
+    page.locator('[data-testid="decision-tree"] svg').wait_for()
+    assert [each for each in page.asked if not each.startswith((site, "data:", "blob:"))] == []
 
 
-def test_the_page_goes_back_to_the_exception_and_shows_a_chosen_step(page: Any) -> None:
-    page.locator('[data-testid="exception"]').click()
-    page.locator('[data-testid="phase"]', has_text="quiescing").wait_for()
-    page.locator('.step[data-step^="heat"]').first.click()
-    page.locator('[data-testid="chosen"]', has_text="waits for: press_switch").wait_for()
-    page.locator('[data-testid="live"]').click()
-    page.locator('[data-testid="phase"]', has_text="reached").wait_for()
+def test_the_page_goes_to_the_exception_and_tells_of_a_chosen_step_why_it_is_there(
+    open_page: Open, site: str
+) -> None:
+    page = open_page(f"{site}/run/monday")
+    page.keyboard.press("x")
+    at(page, "phase", has_text="quiescing").wait_for()
+    page.locator('.step[data-step^="pick"]').last.click()
+    at(page, "chosen", has_text="waits for:").wait_for()
+    at(page, "because").first.wait_for()
+    at(page, "tab-diagnosis").click()
+    page.locator(".q-tab-panel:visible td", has_text="▸").first.wait_for()
+    page.keyboard.press("l")
+    at(page, "phase", has_text="reached").wait_for()
 
 
-def test_an_order_for_a_run_that_is_over_is_refused_with_the_reason(page: Any) -> None:
-    page.locator('[data-testid="interrupt"]').click()
-    page.locator(".q-notification", has_text="does not go on").wait_for()
+def test_it_plays_forwards_to_the_end_and_stands(open_page: Open, site: str) -> None:
+    page = open_page(f"{site}/run/tuesday")
+    at(page, "phase", has_text="reached").wait_for()
+    page.keyboard.press("Home")
+    at(page, "clock", has_text="0 records").wait_for()
+    at(page, "play").click()
+    at(page, "phase", has_text="running").wait_for()
+    at(page, "play").click()
+
+
+def test_two_runs_are_compared_and_the_first_difference_is_marked(
+    open_page: Open, site: str, store: Path
+) -> None:
+    page = open_page(f"{site}/run/monday")
+    at(page, "tab-compare").click()
+    at(page, "other").click()
+    page.locator(".q-menu .q-item", has_text="tuesday").click()
+    at(page, "difference", has_text="the first difference is record").wait_for()
+    assert page.locator("td", has_text="✗").first.inner_text().strip().startswith("✗")
+    assert store.exists()
+
+
+def test_the_arm_in_the_page_is_where_the_journal_puts_it(open_page: Open, site: str, store: Path) -> None:
+    follower = Follower(str(store), "monday")
+    follower.refresh()
+    retracing = Retracing.of(problem_of(TARGET), cell_of(TARGET), geometry_backend())
+    steps = [taken for each in follower.records if (taken := retracing.take(each)) is not None]
+    resting = Resting(cell_of(TARGET))
+    page = open_page(f"{site}/run/monday")
+    at(page, "tab-cell").click()
+    at(page, "motion", has_text="the arm rests").wait_for()
+    names = [
+        name for name in ("arm.hand", "mars_gripper", "lid", "drawer") if name in resting.home.cell.bodies
+    ]
+    for taken in (steps[0], steps[2]):
+        page.evaluate(f"emitEvent('go', {taken.number})")
+        at(page, "motion", has_text=": 0 %").wait_for()
+        page.wait_for_timeout(1000)
+        shown = json.loads(at(page, "scene").get_attribute("data-poses"))
+        wanted = poses(world_during(resting, taken, 0.0), names)
+        for name in names:
+            found = np.array(shown[name]).reshape(4, 4).T
+            assert found == pytest.approx(wanted[name], abs=1e-5), name
+
+
+def test_orders_cannot_be_given_to_a_run_that_is_over(open_page: Open, site: str) -> None:
+    page = open_page(f"{site}/run/monday")
+    at(page, "phase", has_text="reached").wait_for()
+    for name in ("interrupt", "continue", "stop", "retry", "approve"):
+        assert at(page, name).is_disabled()
+
+
+def test_names_are_never_executed(open_page: Open, serve: Serve, tmp_path: Path) -> None:
+    bad = "<img src=x onerror=window.hit=1>"
+    store = tmp_path / "runs.db"
+    plan = {
+        "why": bad, "forecast_ms": 9, "goals": [bad], "given_up": [[bad, bad]], "order": [1], "dwells": [], "timed": False,
+        "steps": [{"id": 1, "step": 'heat("<img src=x onerror=window.hit=1>")', "stream": bad, "says": bad, "lasts_ms": 5, "adds": ['hot("</svg><script>window.hit=1</script>")']}],
+    }  # fmt: skip
+    command = {
+        "command": 1,
+        "command_kind": "ask",
+        "stream": bad,
+        "action": bad,
+        "says": bad,
+        "choices": [bad],
+        "asks": True,
+        "lasts_ms": 5,
+        "step": None,
+    }
+    failed = {"exception": bad, "step": 1, "action": bad, "reply": bad, "command": 1, "known": True}
+    found = {"exception": bad, "action": bad, "outcome": bad, "belief": [[bad, 0.5]], "expected_cost": 1.0}
+    value = {
+        "command": 1,
+        "action": bad,
+        "result": bad,
+        "of": bad,
+        "quantity": bad,
+        "value": 1.0,
+        "unit": bad,
+    }
+    world = {"why": bad, "adds": [bad], "ends": [], "reached": []}
+    kinds = [("run", {}), ("plan", plan), ("command", command), ("exception", failed), ("finding", found), ("result", value), ("world", world)]  # fmt: skip
+    with Journal(str(store)) as journal:
+        journal.begin(bad, "2026-11-22", {"target": bad})
+        journal.append(bad, [Line(n, n, kind, content) for n, (kind, content) in enumerate(kinds, 1)])
+    page = open_page(f"{serve(store, tmp_path)}/")
+    page.get_by_text(bad).first.click()
+    at(page, "title", has_text="<img").wait_for()
+    for name in (
+        "plan",
+        "cell",
+        "world",
+        "sequence",
+        "diagnosis",
+        "results",
+        "objects",
+        "log",
+        "compare",
+        "now",
+    ):
+        at(page, f"tab-{name}").click()
+        page.wait_for_timeout(300)
+        for button in {"world": ["contacts"], "diagnosis": ["tree"]}.get(name, []):
+            at(page, button).click()
+            page.wait_for_timeout(3000)
+    assert page.evaluate("window.hit") is None

@@ -53,6 +53,13 @@ def test_what_makes_no_sense_is_refused_and_the_run_goes_on() -> None:
     assert [each.content["what"] for each in of(records, RecordKind.DECISION)][-1] == "add refused"
 
 
+def test_two_commands_at_the_same_time_are_both_followed() -> None:
+    further = [(3_000, FURTHER), (3_000, Given(Order.ADD, "process probe_3 in the furnace for 5 min"))]
+    ending, records, _ = executed("themse/one", orders=Timed(further))
+    assert ending.outcome == "reached"
+    assert [each.content["why"] for each in of(records, RecordKind.PLAN)].count("add") == 2
+
+
 def test_a_command_at_a_pause_waits_until_the_run_goes_on() -> None:
     orders = [(10_000, Given(Order.INTERRUPT)), (100_000, FURTHER), (300_000, Given(Order.CONTINUE))]
     ending, records, _ = executed("themse/one", orders=Timed(orders))

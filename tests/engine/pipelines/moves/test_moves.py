@@ -1,20 +1,35 @@
 """Plans that move: motions fit together, take the time that the plan says, and what is in the way is moved or told."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from engine.model.moves import LegKind, MovedStep
+from engine.formats.report import film
+from engine.model.moves import LegKind, MovedStep, Unmoved
 from engine.model.outcome import Found, Infeasible
 from engine.pipelines import objective
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.bars import without_blocked
+from engine.pipelines.moves.film import filmed, takes_of_plan, thinned
 from engine.pipelines.moves.planning import Moving, plan_moving
+from engine.pipelines.moves.states import states_of
+from engine.pipelines.moves.walking import Walk, operation_of
 from engine.pipelines.planning import check_plan
+from engine.pipelines.simulation.dynamics import Dynamics, WorldState
 from engine.plugins import geometry_backend
+from engine.stages.geometry.pictures.view import cell_of
+from engine.stages.geometry.world.following import following
+from engine.stages.geometry.world.model import World
 from engine.stages.planning import Limits
+from kb.asp import ground_term
 from kb.loader import load_problem
 from kb.loader.cell import load_cell
+from kb.model.plan import Step, StepId
 from kb.model.problem import Problem
+from kb.terms import Function
 
 DOMAIN = """
 domain: kiln_room
@@ -71,6 +86,13 @@ initial: ["at(bolt, bench)", "at(brick, top)"]
 goals: ["at(bolt, kiln)"]
 """
 SUITS = ("suits(bolt, kiln)", "suits(bolt, bench)", "suits(brick, shelf)", "suits(brick, top)")
+
+
+def atom(text: str) -> Function:
+    """The ground atom in a text."""
+    found = ground_term(text)
+    assert isinstance(found, Function)
+    return found
 
 
 def kiln_room(folder: Path, lintel_m: float = 1.5, suits: tuple[str, ...] = SUITS) -> tuple[Problem, Path]:
@@ -173,3 +195,62 @@ def test_an_operation_that_means_nothing_is_told(entry: str, code: str, tmp_path
     with pytest.raises(InvalidInput) as error:
         load_cell(cell)
     assert code in {each.code for each in error.value.diagnostics}
+
+
+def test_a_place_that_is_out_of_reach_is_out_of_reach_wherever_the_arm_comes_from() -> None:
+    """One bar serves for all starts, but only for the station where the arm stands."""
+    known = load_problem("bulkhead/three_stations")
+    problem = replace(known, statics=(*known.statics, atom("serves(left, c2)")))
+    semantics = PlanGate().semantics(problem)
+    assert not _refuses(problem, "rack(us_probe)")
+    walk = Walk(semantics, cell_of("bulkhead"), geometry_backend())
+    step = Step(StepId(1), atom("move_at(t3_746, left, rack(us_probe), meas(c2))"))
+    before = (semantics.initial() - {atom("stands(t3_746, middle)")}) | {
+        atom("stands(t3_746, left)"),
+        atom("holding(t3_746, us_probe)"),
+    }
+    operation = operation_of(walk.cell, step.operator)
+    assert operation is not None
+    (refused,) = [walk.step(step, operation, before, before)]
+    assert isinstance(refused, Unmoved)
+    assert refused.regardless == {0, 1, 2}
+    assert atom("stands(t3_746, left)") in refused.while_true
+    barred = without_blocked(problem, [refused])
+    assert all(_refuses(barred, start) for start in ("rack(us_probe)", "meas(a1)", "meas(b1)"))
+    assert not _refuses(barred, "rack(us_probe)", "right")
+
+
+def _refuses(problem: Problem, start: str, station: str = "left") -> bool:
+    """Whether a move to the last point is refused from a start, with the arm at a station."""
+    dynamics = Dynamics(problem)
+    state = (dynamics.start().facts - {atom("stands(t3_746, middle)")}) | {
+        atom(f"stands(t3_746, {station})"),
+        atom("holding(t3_746, us_probe)"),
+    }
+    there = {each for each in state if each.name != "at"} | {atom(f"at(t3_746, approach_point({start}))")}
+    said = dynamics.refusal(
+        atom(f"move_at(t3_746, {station}, {start}, meas(c2))"), WorldState(frozenset(there), {})
+    )
+    return said != ""
+
+
+def test_a_film_shows_every_body_where_the_plan_puts_it(fired: Moving) -> None:
+    found = fired
+    assert isinstance(found.run.outcome, Found)
+    cell = load_cell(Path(str(found.problem.domain.path)).with_name("cell.yaml"))
+    semantics = PlanGate().semantics(found.problem)
+    shots = list(filmed(takes_of_plan(semantics, cell, found.run.outcome.plan, found.steps), 0.2))
+    times = [each.at_s for each in shots]
+    assert times == sorted(times)
+    assert times[-1] == pytest.approx(sum(each.seconds for each in found.steps))
+    *_, (_, _, after) = states_of(semantics, found.run.outcome.plan)
+    for name in cell.bodies:
+        there = following(World.of(cell), after).pose("world", name)
+        assert np.allclose(shots[-1].world.pose("world", name), there)
+    scene = json.loads(film.as_gltf(shots))
+    moving_nodes = {
+        scene["nodes"][each["target"]["node"]]["name"] for each in scene["animations"][0]["channels"]
+    }
+    assert {"bolt", "brick", "carrier 1"} <= moving_nodes
+    assert "oven" not in moving_nodes
+    assert [each.at_s for each in thinned(shots, 5.0)][:3] == pytest.approx([0, 5, 10], abs=0.21)

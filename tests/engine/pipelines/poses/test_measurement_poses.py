@@ -12,9 +12,9 @@ from engine.pipelines.planning import problem_of
 from engine.pipelines.poses import Knowledge, known_poses, with_stations
 from engine.plugins import geometry_backend
 from engine.stages.geometry.kinematics.inverse import InverseKinematics
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.world.model import World
 from engine.stages.grounding.need import thinned
+from kb.loader.cell import cell_of
 from kb.model.cell import Body, BodyKind, Cell, Placement
 from kb.model.conditions import And, goal_parts
 from kb.model.problem import Problem

@@ -33,7 +33,12 @@ def arm_among(blocks: list[Piece], links: int = 2, length_m: float = 1.0) -> Sce
     ends = np.array([[0.0, 0.0, 0.0], [length_m, 0.0, 0.0]])
     arm = [Piece(f"link {n + 1}", n + 1, np.eye(4), ends, 0.03) for n in range(links)]
     pieces = (*arm, *blocks)
-    pairs = [(i, links + j) for i in range(links) for j in range(len(blocks))]
+    pairs = [
+        (i, j)
+        for j in range(links, len(pieces))
+        for i in range(j)
+        if pieces[i].carrier != pieces[j].carrier  # a block in the hand moves with its link
+    ]
     bodies = tuple(dict.fromkeys(piece.body for piece in pieces))
     return Scene(joints, pieces, np.array(pairs, dtype=np.int64).reshape(-1, 2), bodies=bodies)
 

@@ -1,9 +1,13 @@
 """Roadmaps: their times are between bounds, and after a change they are what a new roadmap would be."""
 
-import numpy as np
+from dataclasses import replace
 
-from engine.model.geometry import Longs
+import numpy as np
+import pytest
+
+from engine.model.geometry import Longs, Piece
 from engine.model.motion import Moved, Query
+from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.motion.planner import plan
@@ -38,24 +42,74 @@ def test_times_are_those_of_free_routes_and_not_below_the_least(rng: np.random.G
             assert not ground.collides(finely(grown.nodes[list(route)], 0.02)).any()
 
 
-def test_a_repaired_roadmap_is_what_a_new_one_would_be(rng: np.random.Generator) -> None:
-    stays, before, after = (
-        block(*each)
-        for each in (
-            ("stays", (-1.0, -1.0), (0.3, 0.3)),
-            ("moves", (1.2, 0.4), (0.2, 0.3)),
-            ("moves", (0.3, 1.3), (0.2, 0.3)),
-        )
-    )
-    old, new, near = (
-        Ground(BuiltinChecker(arm_among(blocks)))
-        for blocks in ([stays, before], [stays, after], [before, after])
-    )
+def changed(rng: np.random.Generator, pieces: list[Piece]) -> list[Piece]:
+    """Some of the blocks elsewhere, gone, new, or in the hand of the arm."""
+    found = []
+    for each in pieces:
+        kind = rng.choice(["stays", "stays", "moves", "goes", "held"])
+        if kind == "held":
+            held = transforms.translation(float(rng.uniform(0.5, 1.2)), 0.0, 0.0)
+            found.append(replace(each, carrier=2, T_carrier_piece=held, vertices=0.3 * each.vertices))
+        elif kind != "goes":
+            found.append(each if kind == "stays" else anywhere(rng, each.body))
+    return [*found, anywhere(rng, "new")] if rng.random() < 0.4 else found
+
+
+def anywhere(rng: np.random.Generator, name: str) -> Piece:
+    angle, away = rng.uniform(-np.pi, np.pi), rng.uniform(0.7, 2.2)
+    size = rng.uniform(0.1, 0.4, 2)
+    return block(name, (away * np.cos(angle), away * np.sin(angle)), (size[0], size[1]))
+
+
+def ground_of(blocks: list[Piece]) -> Ground:
+    return Ground(BuiltinChecker(arm_among(blocks)))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_roadmap_repaired_over_many_changes_is_what_a_new_one_would_be(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    blocks = [anywhere(rng, f"block {n}") for n in range(5)]
+    ground, nodes = ground_of(blocks), rng.uniform(-np.pi, np.pi, (30, 2))
+    margin_m = float(rng.choice([0.0, 0.02]))
+    edges = neighbours(nodes, LIMITS, 6)
+    kept, looked = mapped(ground, nodes, edges, margin_m=margin_m), 0
+    for _ in range(8):
+        blocks = changed(rng, blocks)
+        before, ground = ground, ground_of(blocks)
+        kept, again = repaired(kept, before, ground)
+        looked += again
+        assert np.array_equal(kept.free, mapped(ground, nodes, edges, margin_m=margin_m).free)
+    assert looked < 8 * len(edges)
+
+
+def test_what_has_not_changed_is_not_looked_at_again(rng: np.random.Generator) -> None:
+    blocks = [block("stays", (-1.0, -1.0), (0.3, 0.3)), block("moves", (1.2, 0.4), (0.2, 0.3))]
+    moved = [blocks[0], block("moves", (0.3, 1.3), (0.2, 0.3))]
     nodes = rng.uniform(-np.pi, np.pi, (40, 2))
     edges = neighbours(nodes, LIMITS, 6)
-    mended, looked = repaired(mapped(old, nodes, edges), new, near)
-    assert np.array_equal(mended.free, mapped(new, nodes, edges).free)
-    assert 0 < looked < len(edges)
+    kept = mapped(ground_of(blocks), nodes, edges)
+    assert repaired(kept, ground_of(blocks), ground_of(blocks[::-1]))[1] == 0
+    assert 0 < repaired(kept, ground_of(blocks), ground_of(moved))[1] < len(edges)
+
+
+def test_a_change_beside_the_start_of_an_edge_is_seen() -> None:
+    nodes = np.array([[0.0, 0.0], [1.5, 0.0]])
+    edges = np.array([[0, 1]])
+    thin = block("thin", (1.9, -0.045), (0.1, 0.02))
+    kept = mapped(ground_of([]), nodes, edges)
+    mended, _ = repaired(kept, ground_of([]), ground_of([thin]))
+    assert kept.free.all()
+    assert np.array_equal(mended.free, mapped(ground_of([thin]), nodes, edges).free)
+
+
+def test_where_the_joints_have_changed_everything_is_looked_at_again(rng: np.random.Generator) -> None:
+    blocks = [anywhere(rng, f"block {n}") for n in range(3)]
+    nodes = rng.uniform(-np.pi, np.pi, (20, 2))
+    edges = neighbours(nodes, LIMITS, 4)
+    longer = Ground(BuiltinChecker(arm_among(blocks, length_m=1.2)))
+    mended, looked = repaired(mapped(ground_of(blocks), nodes, edges), ground_of(blocks), longer)
+    assert looked == len(edges)
+    assert np.array_equal(mended.free, mapped(longer, nodes, edges).free)
 
 
 def test_more_work_makes_paths_shorter_and_never_longer() -> None:

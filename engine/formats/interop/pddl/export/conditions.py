@@ -23,7 +23,9 @@ from kb.model.conditions import (
     Not,
     Or,
     Parameter,
+    StateAggregate,
     bind,
+    literals,
 )
 from kb.model.domain import OBJECT, Kind, Rule
 from kb.terms import (
@@ -68,7 +70,7 @@ class Conditions:
                 return self._literal(atom, positive, outer)
             case Comparison(left, relation, right):
                 return self._comparison(left, relation, right, outer)
-            case Aggregate():
+            case Aggregate() | StateAggregate():
                 raise NotLiftable(f"the aggregate {condition}")
             case And(parts) | Or(parts):
                 join = conjunction if isinstance(condition, And) else disjunction
@@ -149,7 +151,7 @@ class Conditions:
         waiting = [name] if name in self.recursive else []
         while waiting:
             rules = self._rules.get(waiting.pop(), [])
-            used = {p.atom.name for rule in rules for p in rule.body if isinstance(p, Literal)}
+            used = {each.atom.name for rule in rules for part in rule.body for each in literals(part)}
             waiting += sorted(used - reached)
             reached |= used
         return {each for each in reached if self.background.kinds.get(each) is Kind.FLUENT}

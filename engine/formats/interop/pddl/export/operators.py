@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from engine.formats.interop.pddl.export.background import NotLiftable
 from engine.formats.interop.pddl.export.conditions import FALSE, Conditions, Locals, conjunction
 from engine.formats.interop.pddl.export.deduction import Closing
 from engine.formats.interop.pddl.export.stages import Stages
@@ -59,6 +60,8 @@ class Operators:
         events = tuple(
             e.atom for e in operator.effects if self.background.kinds.get(e.atom.name) is Kind.EVENT
         )
+        if any(e.atom in events and (e.parameters or e.condition != TRUE) for e in operator.effects):
+            raise NotLiftable(f"events of {operator.name} that happen under conditions")
         named = [self.stages.happening(number, event) for number, event in enumerate(events)]
         parameters = (*operator.parameters, *found.parameters, *(p for _, own, _ in named for p in own))
         static, dynamic = self._constraints(operator, events)

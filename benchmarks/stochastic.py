@@ -1,0 +1,182 @@
+"""Runs whose steps take longer or shorter than forecast: stays that are too long, and makespans beside perfect knowledge.
+
+    python benchmarks/stochastic.py [--probes N] [--runs N] [--known N] [--work N] [--stay SECONDS] [--json FILE]
+
+Probes are heated, cooled and stored in the laboratory; as many depots, furnace 1, freezer 2. Every step of every run varies evenly by
+20 % around its forecast. Nothing may stay in the furnace for longer than --stay (0: no limit). A stay that was too long has to have
+been told as an exception. For the first --known runs CP-SAT schedules the same plan with the durations that the run had, with
+--work units of work, about seconds of one core. Exits with 1 if a stay was too long and nobody told, if a run does not reach
+its goals, or if the mean makespan is more than 3 % longer. With --json what was run is kept, and the next call goes on behind it.
+"""
+
+import argparse
+import json
+import shutil
+import statistics
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from engine.model.execution import Record, RecordKind
+from engine.model.schedule import Timetable
+from engine.pipelines.execution import Execution, Timed
+from engine.pipelines.execution.compiling import situation_of
+from engine.pipelines.execution.planned import Ready, first
+from engine.pipelines.execution.recorder import Recorder
+from engine.pipelines.execution.records import read_atom
+from engine.pipelines.simulation import World
+from engine.pipelines.simulator import HiddenCell, Simulator
+from engine.pipelines.simulator.driver import Settings
+from engine.pipelines.timetable import timed
+from engine.stages.grounding import ground
+from engine.stages.scheduling import ScheduleLimits
+from kb.loader import bundled, load_problem
+from kb.model.problem import Problem
+
+SPREAD = 0.2
+SHARE = 1.03
+
+
+class Kept:
+    """A journal in memory."""
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+
+    def append(self, records: list[Record]) -> None:
+        """Append records."""
+        self.records += records
+
+
+@dataclass(frozen=True)
+class Line:
+    """One run: how it ended, how long it took, stays that were too long, those of them that were told, and orders changed."""
+
+    outcome: str
+    makespan_s: float
+    broken: int
+    untold: int
+    reordered: int
+    work_s: float
+    known_s: float = 0.0
+
+
+def problem_in(folder: Path, probes: int, stay: int) -> Problem:
+    """So many probes with as many depots; nothing may stay in the furnace for longer than `stay` s, if that is given."""
+    home = folder / "lab"
+    shutil.copytree(bundled()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    text = (home / "domain.yaml").read_text("utf-8")
+    declared = text.replace("\nstatics:", "\nstatics:\n  longest_stay(unit, time): {}", 1)
+    (home / "domain.yaml").write_text(declared, "utf-8")
+    (home / "problems").mkdir()
+    more = range(5, probes + 1)
+    lines = ["problem: probes", "domain: .."]
+    lines += [f"objects:\n  probe: [probe_5..{probes}]"] if more else []
+    lines += ["statics:", "  - capacity(furnace, 1)", "  - capacity(freezer, 2)"]
+    lines += [f"  - capacity(drawer, {max(4, probes)})"]
+    lines += [f"  - longest_stay(furnace, {stay})"] if stay else []
+    lines += [f"  - own_depot(probe_{n}, slot(drawer, {n}))" for n in more]
+    lines += ["workflow:", f"  - for: {{P: [probe_1..{probes}]}}"]
+    lines += ["    stages: heated(P, 15 min), cooled(P, 5 min), stored(P)"]
+    (home / "problems" / "probes.yaml").write_text("\n".join(lines) + "\n", "utf-8")
+    return load_problem(str(home / "problems" / "probes.yaml"))
+
+
+def run(problem: Problem, ready: Ready, seed: int, stay: int) -> tuple[Line, list[Record]]:
+    """One run on the virtual clock."""
+    began = time.process_time()
+    kept = Kept()
+    driver = Simulator(HiddenCell(problem, None, seed=seed), Settings(seed, spread=SPREAD))
+    execution = Execution("x", problem, driver, Recorder(kept, driver.now_ms), Timed())
+    ending = execution.start(ready, World.of(problem, situation_of(problem).state))
+    records = kept.records
+    told = [each for each in records if each.kind is RecordKind.EXCEPTION]
+    said = {each.content["action"] for each in told if each.content["exception"] == "stays_too_long"}
+    broken = [pick for pick, lasted in stays(records) if stay and lasted > stay * 1000]
+    orders = sum(each.kind is RecordKind.PLAN for each in records) - 1
+    took = time.process_time() - began
+    untold = len([pick for pick in broken if pick not in said])
+    return Line(ending.outcome, ending.makespan_ms / 1000, len(broken), untold, orders, took), records
+
+
+def stays(records: list[Record]) -> list[tuple[str, int]]:
+    """Each step that takes a probe out of the furnace, and how long the probe had been there when it began."""
+    brought: dict[str, int] = {}
+    found = []
+    for each in (record for record in records if record.kind is RecordKind.DONE):
+        name, _, rest = each.content["action"].partition("(")
+        probe = rest.partition(",")[0]
+        if name == "put" and "furnace" in rest:
+            brought[probe] = each.at_ms
+        elif name == "pick" and "furnace" in rest:
+            found.append((each.content["action"], each.content["started_ms"] - brought[probe]))
+    return found
+
+
+def with_perfect_knowledge(problem: Problem, ready: Ready, records: list[Record], work: float) -> float:
+    """The makespan in seconds that CP-SAT finds for the plan with the durations that its steps had."""
+    lasted: dict[str, list[int]] = {}
+    for each in (record for record in records if record.kind is RecordKind.DONE):
+        lasted.setdefault(each.content["action"], []).append(each.at_ms - each.content["started_ms"])
+    known = {read_atom(action): round(statistics.mean(each) / 1000) for action, each in lasted.items()}
+    told = replace(problem, durations=known)
+    steps = tuple(replace(s, duration=known.get(s.operator, s.duration)) for s in ready.plan.steps)
+    made = timed(told, ground(told), replace(ready.plan, steps=steps), ScheduleLimits(work))
+    assert isinstance(made, Timetable), made
+    return float(made.schedule.makespan)
+
+
+def main() -> int:
+    """Print what came of the runs; 1 if a bar is missed."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--probes", type=int, default=16)
+    parser.add_argument("--runs", type=int, default=1_000)
+    parser.add_argument("--known", type=int, default=50)
+    parser.add_argument("--work", type=float, default=5.0)
+    parser.add_argument("--stay", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
+    kept = asked.json is not None and asked.json.is_file()
+    found = [Line(*each) for each in json.loads(asked.json.read_text("utf-8"))] if kept else []
+    with tempfile.TemporaryDirectory() as name:
+        problem = problem_in(Path(name), asked.probes, asked.stay)
+        ready = first(problem)
+        assert isinstance(ready, Ready), ready
+        print(f"forecast {ready.makespan} s, {len(ready.plan.steps)} steps", flush=True)
+        for seed in range(len(found), asked.runs):
+            line, records = run(problem, ready, seed, asked.stay)
+            if seed < asked.known:
+                line = replace(line, known_s=with_perfect_knowledge(problem, ready, records, asked.work))
+            found.append(line)
+            if asked.json is not None:
+                rows = [[getattr(each, key) for key in Line.__annotations__] for each in found]
+                asked.json.write_text(json.dumps(rows) + "\n", "utf-8")
+    return judged(found)
+
+
+def judged(found: list[Line]) -> int:
+    """Print the sums; 1 if a bar is missed."""
+    known = [each for each in found if each.known_s]
+    ratio = sum(e.makespan_s for e in known) / sum(e.known_s for e in known) if known else 0.0
+    untold, lost = sum(e.untold for e in found), sum(e.outcome != "reached" for e in found)
+    said = {
+        "runs": len(found),
+        "not reached": lost,
+        "stays too long": sum(e.broken for e in found),
+        "of them not told": untold,
+        "orders changed": sum(e.reordered for e in found),
+        "mean makespan (s)": round(statistics.mean(e.makespan_s for e in found), 1),
+        "beside perfect knowledge": round(ratio, 4),
+        "on so many": len(known),
+        "processor seconds a run": round(statistics.mean(e.work_s for e in found), 2),
+    }
+    print(json.dumps(said))
+    return int(untold > 0 or lost > 0 or ratio > SHARE)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

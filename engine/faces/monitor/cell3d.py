@@ -1,0 +1,167 @@
+"""The cell in three dimensions: the arm on its way, what it holds, the path of the current motion, and what touches in red."""
+
+import json
+from collections.abc import Sequence
+
+from nicegui import background_tasks, ui
+
+from engine.faces.monitor.choosing import mentions
+from engine.faces.monitor.solids import Solids
+from engine.faces.monitor.viewing import View
+from engine.model.moves import Unmoved
+from engine.pipelines.execution.records import read_atom
+from engine.pipelines.execution.retracing import Taken, tool_path
+from kb.diagnostics import InvalidInput
+
+RED, CHOSEN = "#e01818", "#d02090"
+SIDES = {  # the direction from which it is seen
+    "front": (0.0, -1.0, 0.15),
+    "right": (1.0, 0.0, 0.15),
+    "back": (0.0, 1.0, 0.15),
+    "left": (-1.0, 0.0, 0.15),
+    "top": (0.0, -0.01, 1.0),
+    "corner": (-0.6, -0.75, 0.55),
+}
+PLACING = """
+const WANTED = {};
+function placed(scene, poses) {
+  WANTED[scene] = Object.assign(WANTED[scene] || {}, poses);
+}
+setInterval(() => {
+  for (const scene in WANTED) {
+    const view = getElement(Number(scene));
+    if (!view || !view.objects) continue;
+    const seen = {};
+    for (const [id, pose] of Object.entries(WANTED[scene])) {
+      const mesh = view.objects.get(id)?.mesh;
+      if (!mesh || !mesh.parent) continue;
+      mesh.matrixAutoUpdate = false;
+      mesh.matrix.set(...pose);
+      mesh.updateMatrixWorld(true);
+      seen[mesh.name] = Array.from(mesh.matrixWorld.elements);
+    }
+    view.$el.dataset.poses = JSON.stringify(seen);
+  }
+}, 50);
+"""
+
+
+class Cell3D(View):
+    """The cell as it is now, or at the time that is looked at."""
+
+    name = "cell"
+
+    def make(self) -> None:
+        """Make what is shown, still empty."""
+        self._path_of, self._painted = 0, dict[str, str]()
+        self._sent = dict[str, tuple[float, ...]]()
+        try:
+            self._solids: Solids | None = self.look.shared.solids(self.look.follower.run)
+        except InvalidInput as refused:
+            self._solids = None
+            ui.label(refused.diagnostics[0].message)
+            return
+        with ui.row().classes("items-center gap-2"):
+            for side in SIDES:
+                ui.button(side, on_click=lambda _, side=side: self._turn(side)).props(
+                    f'dense no-caps outline data-testid="view-{side}"'
+                )
+            self._touching = ui.label("").props('data-testid="touching" role="status"')
+            self._motion = ui.label("").props('data-testid="motion"')
+        self._scene, self._bodies = scene_of(self._solids)
+        with self._scene:
+            self._path = self._scene.point_cloud([], [], 0.012)
+        self._turn("corner", 0.0)
+
+    def sign(self) -> object:
+        """How far motions are found."""
+        return None if self._solids is None else self.look.shared.motions(self.look.run.run).looked
+
+    def _turn(self, side: str, seconds: float = 0.5) -> None:
+        assert self._solids is not None
+        turned(self._scene, self._solids, side, seconds)
+
+    def show(self) -> None:
+        """Show the run as it stands."""
+        if self._solids is None:
+            return
+        run, look = self.look.run, self.look
+        background_tasks.create_lazy(look.shared.find_motions(run.run), name=f"motions {run.run}")
+        motions = look.shared.motions(run.run)
+        taken = motions.at(run.number)
+        last = taken[-1] if taken else None
+        share = look.share(last) if last is not None else 1.0
+        world = self._solids.world(taken, share, list(map(read_atom, run.holds)))
+        self._place({name: tuple(pose.ravel().round(6)) for name, pose in self._solids.poses(world).items()})
+        self._paint(self._solids.touching(world, last))
+        self._draw_path(last if share < 1.0 else None)
+        self._motion.set_text(motions.why_none or _said(last, share, motions.looked < run.number))
+
+    def _place(self, poses: dict[str, tuple[float, ...]]) -> None:
+        """Tell the page where the bodies are that are not where they were."""
+        new = {self._bodies[name].id: pose for name, pose in poses.items() if self._sent.get(name) != pose}
+        self._sent = poses
+        if new:
+            ui.run_javascript(f"placed({self._scene.id}, {json.dumps(new)})")
+
+    def _paint(self, pairs: Sequence[tuple[str, str]]) -> None:
+        assert self._solids is not None
+        red = {name for pair in pairs for name in pair}
+        chosen = {name for name in self._bodies if self.look.step and mentions([name], [self.look.step])}
+        painted = dict.fromkeys(chosen, CHOSEN) | dict.fromkeys(red, RED)
+        for name in painted.keys() | self._painted.keys():
+            if painted.get(name) != self._painted.get(name):
+                self._bodies[name].material(painted.get(name, self._solids.colours[name]))
+        self._painted = painted
+        said = "; ".join(f"{one} touches {other}" for one, other in pairs)
+        self._touching.set_text(f"✗ {said}" if said else "✓ nothing touches")
+
+    def _draw_path(self, taken: Taken | None) -> None:
+        """The way of the tool in the step that goes on, as dots."""
+        number = taken.number if taken else 0
+        if number == self._path_of or self._solids is None:
+            return
+        self._path_of = number
+        points = tool_path(self._solids.resting, taken).tolist() if taken else []
+        self._path.set_points(points, [[0.12, 0.44, 0.71]] * len(points))
+
+
+def _said(last: Taken | None, share: float, looking: bool) -> str:
+    if looking:
+        return "looking for the motions of the steps ..."
+    if last is None:
+        return "no step has moved an arm yet"
+    if isinstance(last.motion, Unmoved):
+        return f"{last.motion.operator}: no motion is shown, because {last.motion.reason}"
+    return f"{last.motion.operator}: {round(100 * share)} %" if share < 1.0 else "the arm rests"
+
+
+def scene_of(solids: Solids, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict[str, ui.scene.stl]]:
+    """The bodies of a cell in a scene; each has its name."""
+    camera = ui.scene.perspective_camera(fov=45)
+    scene = ui.scene(
+        camera=camera,
+        width=900,
+        height=480,
+        grid=False,
+        background_color="#dfe3ea",
+        fps=30,
+        click_events=list(clicks),
+    )
+    scene.classes("w-full").style("height: calc(100vh - 260px); min-height: 320px").props(
+        'data-testid="scene"'
+    )
+    with scene:
+        bodies = {
+            name: scene.stl(f"/solids/{solids.key}/{number}").with_name(name).material(solids.colours[name])
+            for number, name in enumerate(solids.names)
+        }
+    return scene, bodies
+
+
+def turned(scene: ui.scene, solids: Solids, side: str, seconds: float) -> None:
+    """Look at everything from a side."""
+    middle, reach = solids.extent
+    away = [at + 1.7 * reach * each for at, each in zip(middle.tolist(), SIDES[side], strict=True)]
+    x, y, z = middle.tolist()
+    scene.move_camera(*away, x, y, z, 0, 0, 1, duration=seconds)

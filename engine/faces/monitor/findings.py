@@ -1,0 +1,146 @@
+"""Views of what a run finds: the order of its measurements, its exceptions with their diagnosis, and its results."""
+
+import asyncio
+from collections import defaultdict
+from typing import Any
+
+from nicegui import ui
+
+from engine.faces.monitor.charts import belief_chart, run_chart
+from engine.faces.monitor.choosing import related
+from engine.faces.monitor.reasons import decision_tree
+from engine.faces.monitor.sequences import sequence_picture
+from engine.faces.monitor.tables import fill, made
+from engine.faces.monitor.viewing import View, picture
+from engine.formats.report.execution import duration
+
+
+class Sequence(View):
+    """The order of the measurements on the part."""
+
+    name = "sequence"
+
+    def make(self) -> None:
+        """Make what is shown, still empty."""
+        self._picture = ui.html("", sanitize=False).props('data-testid="sequence"')
+        self._drawn: object = None
+
+    def show(self) -> None:
+        """Show the run as it stands."""
+        plan = self.look.run.plan
+        if plan is self._drawn:
+            return
+        self._drawn = plan
+        made_ = sequence_picture(self.look.shared.target(self.look.run.run), plan) if plan else None
+        self._picture.set_content(made_ or "This plan measures nothing whose place is known.")
+
+
+class Diagnosis(View):
+    """Each exception with its tests, the beliefs before each, and what was found."""
+
+    name = "diagnosis"
+
+    def make(self) -> None:
+        """Make what is shown, still empty."""
+        self._beliefs = ui.row()
+        self._table = made(self.look.choose, "at", "what", "of", "outcome", "belief")
+        button = ui.button("Decision tree of the last exception", on_click=self._tree)
+        button.props('dense no-caps outline data-testid="tree"')
+        self._picture = ui.html("", sanitize=False).props('data-testid="decision-tree"')
+        self._drawn = -1
+
+    def show(self) -> None:
+        """Show the run as it stands."""
+        run = self.look.run
+        fill(self._table, [_found(each) for each in run.findings], related(run, self.look.step))
+        if len(run.findings) == self._drawn:
+            return
+        self._drawn = len(run.findings)
+        self._beliefs.clear()
+        with self._beliefs:
+            for name, findings in list(_by_exception(run.findings))[-4:]:
+                with ui.column().classes("gap-0"):
+                    ui.label(f"{name}: beliefs, test by test")
+                    ui.html(belief_chart(findings), sanitize=False).props('data-testid="beliefs"')
+
+    async def _tree(self) -> None:
+        """Show the tree of the last exception."""
+        cases = [each for each in self.look.run.findings if each["kind"] == "exception"]
+        if not cases:
+            self._picture.set_content("There was no exception.")
+            return
+        last = cases[-1]
+        target = self.look.shared.target(self.look.run.run)[0]
+        asked = self.look.shared.workers.submit(decision_tree, target, last["exception"], last["action"])
+        self._picture.set_content("Looking for the cheapest tests ...")
+        self._picture.set_content(picture(await asyncio.wrap_future(asked)))
+
+
+def _by_exception(findings: list[dict[str, Any]]) -> list[tuple[str, list[dict[str, Any]]]]:
+    """The findings of each exception, one after the other; only what has beliefs."""
+    cases: list[tuple[str, list[dict[str, Any]]]] = []
+    for each in findings:
+        if each["kind"] == "exception":
+            cases.append((str(each["exception"]), []))
+        elif cases and (each.get("belief") or each.get("causes")):
+            cases[-1][1].append(each)
+    return [case for case in cases if case[1]]
+
+
+def _found(each: dict[str, Any]) -> tuple[str, ...]:
+    belief = each.get("belief") or each.get("causes") or ()
+    said = ", ".join(f"{cause} {round(100 * p)} %" for cause, p in belief[:4])
+    outcome = each.get("outcome") or each.get("reply") or each.get("cured") or ""
+    return (
+        duration(each["at_ms"]),
+        each["kind"],
+        str(each.get("action") or each["exception"]),
+        str(outcome),
+        said,
+    )
+
+
+class Results(View):
+    """What was measured beside its limits, and a run chart for each feature that was measured more than once."""
+
+    name = "results"
+
+    def make(self) -> None:
+        """Make what is shown, still empty."""
+        self._table = made(self.look.choose, "of", "quantity", "value", "nominal", "from", "to", "", "at")
+        self._charts = ui.row()
+        self._drawn: tuple[object, ...] = ()
+
+    def show(self) -> None:
+        """Show the run as it stands."""
+        run = self.look.run
+        drawn = (len(run.results), self.look.step)
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        fill(self._table, [_measured(each) for each in run.results], related(run, self.look.step))
+        features: dict[str, list[dict[str, Any]]] = defaultdict(list)
+        for each in run.results:
+            if "value" in each:
+                features[f"{each.get('of', '')} {each.get('quantity', '')}"].append(each)
+        self._charts.clear()
+        with self._charts:
+            for name, values in list(features.items())[:24]:
+                with ui.column():
+                    ui.label(name)
+                    ui.html(run_chart(values), sanitize=False)
+
+
+def _measured(each: dict[str, Any]) -> tuple[str, ...]:
+    numbers = [each.get(key) for key in ("nominal", "lower", "upper")]
+    said = ["" if value is None else f"{value:g}" for value in numbers]
+    verdict = {True: "✓ passed", False: "✗ FAILED"}.get(each.get("passed"), "not judged")  # type: ignore[arg-type]
+    value = f"{each['value']:g} {each.get('unit', '')}" if "value" in each else str(each.get("result", ""))
+    return (
+        each.get("of", each["action"]),
+        each.get("quantity", ""),
+        value,
+        *said,
+        verdict,
+        duration(each["at_ms"]),
+    )

@@ -1,0 +1,224 @@
+"""The page on which measurements are entered: points are picked on the part, or typed, and written to a problem file."""
+
+import asyncio
+import json
+from typing import Any
+
+from nicegui import events, ui
+
+from engine.faces.monitor.cell3d import SIDES, scene_of, turned
+from engine.faces.monitor.page import head
+from engine.faces.monitor.shared import Shared
+from engine.faces.monitor.sheets import Part, written_point
+from engine.stages.geometry.shapes.snapping import SnapTo
+from kb.diagnostics import InvalidInput
+
+SIZES = ("nominal", "tolerance", "bore")  # millimetres, may be empty
+COLUMNS = ("name", "kind", "x", "y", "z", *SIZES)
+CHOSEN, WRITTEN, SIZE = "#d02090", "#1f6fb5", 0.012  # colours, and how large a point is shown, of everything
+
+
+class MeasuringPage:
+    """The measurements of one problem file. Raises `InvalidInput` for a file that cannot be read or is not in the folder."""
+
+    def __init__(self, shared: Shared, name: str) -> None:
+        self.shared, self.name = shared, name
+        self.path = shared.sheets.path(name)
+        self.part = Part(self.path)
+        self._scene: ui.scene
+        head(shared)
+        with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
+            ui.link("runs", "/").classes("text-white")
+            ui.link("measurements", "/measure").classes("text-white")
+            ui.label(name).classes("text-h6").props('data-testid="title"')
+        with ui.row().classes("w-full no-wrap items-start"):
+            with ui.column().classes("col-7"):
+                self._model()
+            with ui.column().classes("col-5 gap-1"):
+                self._form()
+                self._list()
+        self._refill()
+
+    def _model(self) -> None:
+        """The part in its cell."""
+        solids = self.part.solids
+        with ui.row().classes("items-center gap-2"):
+            for side in SIDES:
+                ui.button(side, on_click=lambda _, side=side: turned(self._scene, solids, side, 0.5)).props(
+                    "dense no-caps outline"
+                )
+            words = {SnapTo.FACE: "on a face", SnapTo.EDGE: "on an edge", SnapTo.HOLE: "in a hole"}
+            self._snap = ui.radio({k.value: said for k, said in words.items()}, value="face")
+            self._snap.props('inline dense data-testid="snap"')
+        self._scene, bodies = scene_of(solids, clicks=["dblclick"])
+        self._scene.on_click(self._picked)
+        poses = solids.poses(solids.resting.home)
+        placed = {bodies[name].id: tuple(pose.ravel().round(6)) for name, pose in poses.items()}
+        ui.timer(0.2, lambda: ui.run_javascript(f"placed({self._scene.id}, {json.dumps(placed)})"), once=True)
+        turned(self._scene, solids, "corner", 0.0)
+        ui.label("A double click picks a point. Coordinates are in millimetres, in the frame of the part.")
+        with self._scene:
+            self._marks = self._scene.group()
+            self._cross = (
+                self._scene.sphere(SIZE * self.part.solids.extent[1] / 3).material(CHOSEN).visible(False)
+            )
+
+    def _form(self) -> None:
+        """What is asked of one point."""
+        with ui.row().classes("items-center gap-2"):
+            self._name = ui.input("name", value=self.part.free_name()).props('dense data-testid="name"')
+            self._kind = ui.select(self.part.kinds, value=self.part.kinds[0], label="measure")
+            self._kind.props('dense options-dense data-testid="kind"').classes("w-32")
+        self._at = self._numbers("x", "y", "z")
+        self._normal = self._numbers("nx", "ny", "nz", values=(0.0, 0.0, 1.0))
+        self._sizes = self._numbers(*SIZES, values=(None, None, None))
+        self._verdict = ui.label("").props('data-testid="verdict" role="status"')
+        with ui.row().classes("gap-2"):
+            self._button("Look", "look", self._judge)
+            self._button("Add", "add", lambda: self._send("added", [self._point()]))
+            self._button("Change chosen", "change", self._change)
+            self._button("Remove chosen", "remove", self._remove)
+            self._button("Undo", "undo", lambda: self._send("undo", []))
+
+    def _button(self, said: str, name: str, does: Any) -> None:
+        if name == "look" or not self.shared.read_only:
+            ui.button(said, on_click=does).props(f'dense no-caps data-testid="{name}"')
+
+    def _numbers(
+        self, *names: str, values: tuple[float | None, ...] = (0.0, 0.0, 0.0)
+    ) -> dict[str, ui.number]:
+        with ui.row().classes("gap-2 no-wrap"):
+            return {
+                name: ui.number(name, value=value).props(f'dense data-testid="{name}"').classes("w-28")
+                for name, value in zip(names, values, strict=True)
+            }
+
+    def _list(self) -> None:
+        columns = [{"name": each, "label": each, "field": each, "align": "left"} for each in COLUMNS]
+        self._table = ui.table(columns=columns, rows=[], row_key="name", selection="multiple")
+        self._table.props('dense flat data-testid="points" no-data-label="no measurement has a position yet"')
+        self._table.classes("w-full").style("max-height: 40vh")
+
+    def _refill(self) -> None:
+        """Show the measurements that the file has now."""
+        points = [written_point(each) for each in self.part.points]
+        self._table.rows = [{**each, **dict(zip("xyz", each["at"], strict=True))} for each in points]
+        self._table.selected = []
+        for mark in [each for each in self._scene.objects.values() if each.parent is self._marks]:
+            mark.delete()
+        with self._scene, self._marks:
+            for point in self.part.points:
+                mark = (
+                    self._scene.sphere(SIZE * self.part.solids.extent[1] / 3)
+                    .material(WRITTEN)
+                    .with_name(point.name)
+                )
+                mark.move(*self.part.in_world(point.position))
+
+    async def _picked(self, event: events.SceneClickEventArguments) -> None:
+        """A point of the model was picked: snap it, and tell whether it can be measured."""
+        hits = [each for each in event.hits if each.object_name in self.part.solids.names]
+        if not hits or hits[0].object_name not in self.part.bodies:
+            ui.notify("this is not a face of the part", type="warning")
+            return
+        at = (hits[0].x, hits[0].y, hits[0].z)
+        found = self.part.picked(hits[0].object_name, at, SnapTo(str(self._snap.value)))
+        if found is None:
+            ui.notify(f"there is no {self._snap.value} within 100 mm of this point", type="warning")
+            return
+        for field, value in zip(self._at.values(), found.point.tolist(), strict=True):
+            field.set_value(round(1000 * value, 3))
+        for field, value in zip(self._normal.values(), found.normal.tolist(), strict=True):
+            field.set_value(round(value, 6) + 0.0)
+        if found.bore_m is not None:
+            self._sizes["bore"].set_value(round(1000 * found.bore_m, 3))
+        await self._judge()
+
+    def _point(self) -> dict[str, Any]:
+        sizes = {key: field.value for key, field in self._sizes.items() if field.value is not None}
+        return {
+            "name": str(self._name.value or ""),
+            "kind": str(self._kind.value),
+            "at": [each.value for each in self._at.values()],
+            "normal": [each.value for each in self._normal.values()],
+            **sizes,
+        }
+
+    async def _judge(self) -> None:
+        """Tell whether the point can be measured, and if not, why."""
+        point = self._point()
+        self._verdict.set_text("looking for a way to it ...")
+        if None not in point["at"]:
+            self._cross.move(*self.part.in_world([each / 1000 for each in point["at"]])).visible(True)
+        asked = self.shared.workers.submit(_judged, str(self.path), point)
+        reached, said = await asyncio.wrap_future(asked)
+        self._verdict.set_text(f"✓ can be measured {said}" if reached else f"✗ cannot be measured: {said}")
+        self._verdict.classes(
+            add="text-positive" if reached else "text-negative",
+            remove="text-negative" if reached else "text-positive",
+        )
+
+    async def _change(self) -> None:
+        """Give all chosen measurements the kind and those sizes that are filled in."""
+        given = {key: field.value for key, field in self._sizes.items() if field.value is not None}
+        chosen = {each["name"] for each in self._table.selected}
+        points = [written_point(each) for each in self.part.points if each.name in chosen]
+        await self._send("replaced", [{**each, "kind": str(self._kind.value), **given} for each in points])
+
+    async def _remove(self) -> None:
+        await self._send("removed", [each["name"] for each in self._table.selected])
+
+    async def _send(self, how: str, points: list[Any]) -> None:
+        """Ask for a change as the page does, with its token and a key; then show what the file has."""
+        asked = json.dumps({"file": self.name, "how": how, "points": points})
+        await ui.run_javascript(f"return send('/measurements', {asked})", timeout=20.0)
+        self.part = Part(self.path)
+        self._name.set_value(self.part.free_name())
+        self._refill()
+
+
+def _judged(path: str, point: dict[str, Any]) -> tuple[bool, str]:
+    """The verdict on a point, in a process of its own; a point that cannot be read has none."""
+    from engine.faces.monitor.sheets import verdict
+
+    try:
+        return verdict(path, point)
+    except InvalidInput as refused:
+        return False, refused.diagnostics[0].message
+
+
+class ChoosingPage:
+    """The problem files of the folder, and ways to make one more."""
+
+    def __init__(self, shared: Shared) -> None:
+        head(shared)
+        with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
+            ui.link("runs", "/").classes("text-white")
+            ui.label("Measurements").classes("text-h6")
+        files = shared.sheets.files(".yaml")
+        ui.label(
+            f"Problem files in {shared.sheets.folder}"
+            if files
+            else f"no problem file in {shared.sheets.folder}"
+        )
+        for name in files:
+            ui.link(name, f"/measure/{name}")
+        if shared.read_only:
+            return
+        with ui.row().classes("items-center"):
+            name = ui.input("name").props('dense data-testid="new-name"')
+            domain = ui.input("domain", value="bulkhead").props('dense data-testid="new-domain"')
+            ui.button(
+                "New problem", on_click=lambda: self._send("new", str(name.value), str(domain.value))
+            ).props('dense no-caps data-testid="new"')
+        for source in shared.sheets.files(".qif", ".csv"):
+            ui.button(
+                f"Import {source}",
+                on_click=lambda _, source=source: self._send("import", source, str(domain.value)),
+            ).props('dense no-caps outline data-testid="import"')
+
+    async def _send(self, how: str, name: str, domain: str) -> None:
+        asked = json.dumps({"file": name, "how": how, "domain": domain})
+        told = await ui.run_javascript(f"return send('/measurements', {asked})", timeout=60.0)
+        if told and told.get("done"):
+            ui.navigate.reload()

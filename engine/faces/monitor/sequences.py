@@ -1,0 +1,74 @@
+"""The order in which a plan makes its measurements, as a picture of the part."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from engine.faces.monitor.motions import Target
+from engine.formats.report.tour_svg import picture
+from engine.model.measurements import measurements_of
+from engine.model.tour import Tour, TourProblem, Visit
+from kb.diagnostics import InvalidInput
+from kb.loader.cell import cell_of
+from kb.model.problem import Problem
+from kb.terms import Number
+
+MICRO = 1e-6
+Spot = tuple[float, float, float]
+
+
+def sequence_picture(target: Target, plan: dict[str, Any]) -> str | None:
+    """The SVG; None if the plan measures nothing whose place is known."""
+    spots = _spots(target)
+    visits = []
+    steps = {each["id"]: each for each in plan.get("steps", ())}
+    for number in plan.get("order", ()):
+        step = steps[number]
+        for name, at in spots.items():
+            if any(_measured(fact, name) for fact in step.get("adds", ())):
+                visits.append(Visit(name, at, _tool(step, name)))
+    if len(visits) < 2:
+        return None
+    order, ways = tuple(range(len(visits))), np.zeros((len(visits), len(visits)), dtype=np.int64)
+    return picture(Tour(order, 0, 0), TourProblem("sequence", tuple(visits), ways, closed=False))
+
+
+def _measured(fact: str, name: str) -> bool:
+    return fact.startswith("measured(") and f"meas({name})" in fact
+
+
+def _tool(step: dict[str, Any], name: str) -> str:
+    fact = next(each for each in step["adds"] if _measured(each, name))
+    return str(fact.partition("(")[2].partition(",")[0])
+
+
+@lru_cache(16)
+def _spots(target: Target) -> dict[str, Spot]:
+    """Where each measurement is, in metres; as the problem says, else as the cell does."""
+    from engine.pipelines.planning import problem_of
+
+    try:
+        problem = problem_of(*target)
+    except InvalidInput:
+        return {}
+    return {**_of_cell(problem, target[0]), **_of_problem(problem)}
+
+
+def _of_problem(problem: Problem) -> dict[str, Spot]:
+    found = {}
+    for fact in problem.statics:
+        numbers = [each.value * MICRO for each in fact.arguments[1:] if isinstance(each, Number)]
+        if fact.name == problem.domain.conventions.position and len(numbers) == 3:
+            found[str(fact.arguments[0])] = (numbers[0], numbers[1], numbers[2])
+    return found
+
+
+def _of_cell(problem: Problem, target: str) -> dict[str, Spot]:
+    try:
+        places = cell_of(target).places
+    except InvalidInput:
+        return {}
+    words = problem.domain.conventions
+    named = {name: places.get(words.place(name)) for name in measurements_of(problem)}
+    return {name: place.placement.pose.position_m for name, place in named.items() if place is not None}

@@ -1,0 +1,256 @@
+"""Measurements as a page edits them: in problem files of one folder, with every change to be undone."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from engine.faces.monitor.solids import Solids, solids_of
+from engine.formats.interop.inspections import import_file, rewrite
+from engine.formats.interop.measurements import atoms, points
+from engine.kernels.linear import matmul
+from engine.model.measurement import MeasurementPoint
+from engine.model.measurements import measurements_of
+from engine.pipelines.inspection import partition
+from engine.pipelines.poses import known_poses
+from engine.plugins import geometry_backend
+from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.snapping import Snapped, SnapTo, snapped
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader import load
+from kb.loader.cell import cell_of
+from kb.model.conditions import TRUE
+from kb.model.problem import Problem
+
+MOST_FILES, DEEPEST = 200, 3
+NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
+MM = 1e-3
+
+
+@dataclass
+class Sheets:
+    """The problem files of a folder whose measurements can be edited; texts before each change are kept."""
+
+    folder: Path
+    _before: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
+
+    def files(self, *endings: str) -> list[str]:
+        """The files of the folder with these endings, as paths within it; of `.yaml`, the problems."""
+        found = []
+        for path in sorted(self.folder.rglob("*")):
+            inside = path.relative_to(self.folder)
+            if len(inside.parts) > DEEPEST or any(part.startswith(".") for part in inside.parts):
+                continue
+            wanted = path.suffix.lower() in endings and path.is_file() and not path.is_symlink()
+            wanted = wanted and path.resolve().is_relative_to(self.folder.resolve())
+            if wanted and (path.suffix != ".yaml" or _says_problem(path)):
+                found.append(inside.as_posix())
+            if len(found) >= MOST_FILES:
+                break
+        return found
+
+    def path(self, name: str, *endings: str) -> Path:
+        """The path of one of these files. Raises `InvalidInput` for any other name."""
+        if name not in self.files(*(endings or (".yaml",))):
+            raise _refused(name, "there is no such file in the folder in which the monitor was started")
+        return self.folder / name
+
+    def change(self, asked: Mapping[str, Any]) -> str:
+        """Make the change that a page asks for; what was done. Raises `InvalidInput`."""
+        how, name = str(asked.get("how", "")), str(asked.get("file", ""))
+        if how == "new":
+            return self._new(name, str(asked.get("domain", "")))
+        if how == "import":
+            return self._imported(name, str(asked.get("domain", "")))
+        if how == "undo":
+            return self._undone(name)
+        if how not in ("added", "replaced", "removed"):
+            raise _refused(how, "there is no such change")
+        path, given = self.path(name), asked.get("points") or []
+        if not isinstance(given, list) or not given:
+            raise _refused(name, "choose a measurement first")
+        text = path.read_text("utf-8")
+        try:
+            for each in given:
+                rewrite(path, how, str(each) if how == "removed" else read_point(each))
+        except InvalidInput:
+            path.write_text(text, "utf-8")
+            raise
+        self._before.setdefault(name, []).append((text, path.read_text("utf-8")))
+        names = ", ".join(each if isinstance(each, str) else str(each["name"]) for each in given)
+        return f"{how}: {names}"
+
+    def _undone(self, name: str) -> str:
+        path, kept = self.path(name), self._before.get(name, [])
+        if not kept:
+            raise _refused(name, "there is nothing to undo")
+        before, after = kept[-1]
+        if path.read_text("utf-8") != after:
+            raise _refused(name, "the file was changed elsewhere since: undo it there")
+        path.write_text(before, "utf-8")
+        kept.pop()
+        return "undone"
+
+    def _new(self, name: str, domain: str) -> str:
+        if not NAME.fullmatch(name):
+            raise _refused(name, "a name begins with a small letter and has letters, digits and _")
+        path = self.folder / f"{name}.yaml"
+        if path.exists():
+            raise _refused(path.name, "there is such a file already")
+        path.write_text(f"problem: {name}\ndomain: {domain}\ngoals: []\n", "utf-8")
+        try:
+            load(path)
+        except InvalidInput:
+            path.unlink()
+            raise
+        return f"made: {path.name}"
+
+    def _imported(self, name: str, domain: str) -> str:
+        source = self.path(name, ".qif", ".csv")
+        path = source.with_suffix(".yaml")
+        if path.exists():
+            raise _refused(path.name, "there is such a file already")
+        inspection, _, text = import_file(source, domain)
+        path.write_text(text, "utf-8")
+        return f"made: {path.relative_to(self.folder).as_posix()}, with {len(inspection.points)} points"
+
+
+def _says_problem(path: Path) -> bool:
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        return any(re.match(r"problem\s*:", line) for line, _ in zip(lines, range(40), strict=False))
+
+
+def _refused(what: str, why: str) -> InvalidInput:
+    return InvalidInput([Diagnostic(Source(what or "measurements"), "K807", why, "")])
+
+
+def read_point(given: Mapping[str, Any]) -> MeasurementPoint:
+    """A point as a page sends it: lengths in millimetres. Raises `InvalidInput`."""
+    try:
+        name, kind = str(given["name"]), str(given["kind"])
+        x, y, z = (float(each) * MM for each in given["at"])
+        nx, ny, nz = (float(each) for each in given["normal"])
+        length = math.hypot(nx, ny, nz)
+        sizes = [_length(given.get(key)) for key in ("tolerance", "bore", "nominal")]
+        if not NAME.fullmatch(name) or not NAME.fullmatch(kind) or not length:
+            raise ValueError
+        if not all(map(math.isfinite, (x, y, z, length))):
+            raise ValueError
+    except (KeyError, TypeError, ValueError) as wrong:
+        said = "a point has a name, a kind, three coordinates, and a normal that is not 0"
+        raise _refused(str(given.get("name", "")), said) from wrong
+    unit = (nx / length, ny / length, nz / length)
+    return MeasurementPoint(name, name, kind, (x, y, z), unit, sizes[0], sizes[1], nominal_m=sizes[2])
+
+
+def _length(given: object) -> float | None:
+    if given in (None, ""):
+        return None
+    found = float(str(given)) * MM
+    if not math.isfinite(found):
+        raise ValueError
+    return found
+
+
+def written_point(point: MeasurementPoint) -> dict[str, Any]:
+    """The same point as a page has it."""
+    sizes = {"tolerance": point.tolerance_m, "bore": point.bore_m, "nominal": point.nominal_m}
+    return {
+        "name": point.name,
+        "kind": point.kind,
+        "at": [round(each / MM, 6) for each in point.position],
+        "normal": [round(each, 6) for each in point.normal],
+        **{key: round(value / MM, 6) for key, value in sizes.items() if value is not None},
+    }
+
+
+class Part:
+    """The part whose points a problem file measures, as a page shows it. Raises `InvalidInput` for a file that cannot be read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        problem = load(path).problem
+        if problem is None:
+            raise _refused(str(path), "this is a domain, not a problem")
+        self.problem: Problem = problem
+        motion = problem.domain.motion
+        self.frame = motion.frame if motion is not None else "world"
+        self.solids: Solids = solids_of(str(path))
+
+    @property
+    def points(self) -> list[MeasurementPoint]:
+        """The measurements with a position."""
+        return points(self.problem)
+
+    @property
+    def kinds(self) -> list[str]:
+        """What can be asked of a measurement."""
+        words = self.problem.domain.conventions
+        needed = self.problem.domain.predicates[words.needs].arguments[1]
+        listed = self.problem.domain.types.get(needed)
+        return list(listed.constants if listed is not None else ()) or [words.kind("profile")]
+
+    @property
+    def bodies(self) -> frozenset[str]:
+        """The bodies that belong to the part: those that stand in its frame."""
+        world = self.solids.resting.home
+        return frozenset(name for name in world.cell.bodies if self.frame in world.supports(name)[1:])
+
+    def free_name(self) -> str:
+        """A name for one more measurement."""
+        taken = {*measurements_of(self.problem), *self.problem.objects, *self.problem.domain.objects}
+        return next(name for n in count(1) if (name := f"p{n}") not in taken)
+
+    def picked(self, body: str, at: Sequence[float], to: SnapTo) -> Snapped | None:
+        """Where a point (3,) of the world on a body belongs, in the frame of the part; None if nothing of the kind is near."""
+        world = self.solids.resting.home
+        T_world_body = world.pose("world", body)
+        own = transforms.apply(transforms.inverse(T_world_body), np.array(at, dtype=float))[0]
+        found = snapped(self.solids.corners[body], self.solids.cell.bodies[body].shapes, own, to)
+        if found is None:
+            return None
+        T = matmul(world.pose(self.frame, "world"), T_world_body)
+        return replace(
+            found, point=transforms.apply(T, found.point)[0], normal=matmul(T[:3, :3], found.normal)
+        )
+
+    def in_world(self, position: Sequence[float]) -> list[float]:
+        """A point (3,) of the part in the world."""
+        T = self.solids.resting.home.pose("world", self.frame)
+        found: list[float] = transforms.apply(T, np.array(position, dtype=float))[0].tolist()
+        return found
+
+
+def verdict(path: str, given: Mapping[str, Any]) -> tuple[bool, str]:
+    """Whether a point can be measured, and with which tool from where, or why not. Raises `InvalidInput`."""
+    problem, point = _loaded(path), read_point(given)
+    words = problem.domain.conventions
+    others = {*measurements_of(problem)}
+    facts = [f for f in problem.statics if not (f.arguments and str(f.arguments[0]) in others)]
+    facts += [each for each in atoms(point, words) if each.name in problem.domain.predicates]
+    objects = {n: t for n, t in problem.objects.items() if n not in others}
+    alone = replace(
+        problem, objects={**objects, point.name: words.measurement}, statics=tuple(facts), goal=TRUE
+    )
+    parts = partition(alone)
+    if point.name in parts.impossible:
+        return False, parts.impossible[point.name]
+    tool = next((tool for tool, names in parts.groups.items() if point.name in names), "")
+    found = known_poses(alone, cell_of(path), geometry_backend())
+    if (reason := found.unreached().get(point.name)) is not None:
+        return False, f"by {tool}: {reason}"
+    stations = found.stations().get(point.name, ())
+    return True, f"by {tool}" + (f" from {', '.join(stations)}" if stations else "")
+
+
+@lru_cache(4)
+def _loaded(path: str) -> Problem:
+    problem = load(Path(path)).problem
+    assert problem is not None
+    return problem

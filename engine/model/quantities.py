@@ -1,0 +1,127 @@
+"""Quantities in a ground task: numbers that operators change.
+
+Each value is an atom, `volume(b1, 4995)`, but only the values that are met get numbers: a state has one of them for each
+quantity. Conditions on quantities are derived atoms, so searches look at numbers only where a step changes them.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from engine.kernels.bits import Bits
+from kb.terms import Atom, Function, Number
+
+RELATED: dict[str, Callable[[int], bool]] = {
+    "=": lambda value: value == 0,
+    "!=": lambda value: value != 0,
+    "<": lambda value: value < 0,
+    "<=": lambda value: value <= 0,
+    ">": lambda value: value > 0,
+    ">=": lambda value: value >= 0,
+}
+
+
+@dataclass(eq=False)
+class Level:
+    """One quantity, from `low` to `high`. It appends the atoms of the values that are met to `names`, the atoms of the task."""
+
+    quantity: Function
+    low: int
+    high: int
+    names: list[Atom]
+    mask: Bits = 0
+    _bits: dict[int, Bits] = field(default_factory=dict)
+    _values: dict[Bits, int] = field(default_factory=dict)
+
+    def bit(self, value: int) -> Bits:
+        """The bitset of the atom for a value."""
+        if value not in self._bits:
+            bit = self._bits[value] = 1 << len(self.names)
+            self.names.append(Function(self.quantity.name, (*self.quantity.arguments, Number(value))))
+            self._values[bit] = value
+            self.mask |= bit
+        return self._bits[value]
+
+    def of(self, state: Bits) -> int:
+        """The value in a state."""
+        return self._values[state & self.mask]
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A sum of quantities, each with a factor, and a constant."""
+
+    parts: tuple[tuple[Level, int], ...]
+    constant: int
+
+    def of(self, state: Bits) -> int:
+        """The value in a state."""
+        return self.constant + sum(factor * level.of(state) for level, factor in self.parts)
+
+    def without(self, level: Level) -> "Linear":
+        """What is left if a quantity is subtracted once."""
+        factors = dict(self.parts)
+        factors[level] = factors.get(level, 0) - 1
+        return Linear(tuple((each, factor) for each, factor in factors.items() if factor), self.constant)
+
+    def range(self) -> tuple[int, int]:
+        """The least and the greatest value within the ranges of the quantities."""
+        ends = [sorted((factor * level.low, factor * level.high)) for level, factor in self.parts]
+        return self.constant + sum(low for low, _ in ends), self.constant + sum(high for _, high in ends)
+
+
+@dataclass(frozen=True)
+class Comparing:
+    """The derived atom `atom` is true where the sum compares with 0 as `relation` says."""
+
+    atom: int
+    sum: Linear
+    relation: str
+
+    def holds(self, state: Bits) -> bool:
+        """Whether it is true in a state."""
+        return RELATED[self.relation](self.sum.of(state))
+
+    def read(self, state: Bits) -> Bits:
+        """The values in a state on which this depends."""
+        found = 0
+        for level, _ in self.sum.parts:
+            found |= state & level.mask
+        return found
+
+    def helped(self, change: "Change") -> tuple[bool, bool]:
+        """Whether a change may make this true, and whether it may make it false."""
+        factor = dict(self.sum.parts).get(change.level, 0)
+        low, high = change.to.without(change.level).range()
+        up, down = (high > 0, low < 0) if factor > 0 else (low < 0, high > 0)
+        if not factor or not (up or down):
+            return False, False
+        rises, falls = self.relation in (">", ">="), self.relation in ("<", "<=")
+        return (up if rises else down if falls else True), (down if rises else up if falls else True)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A step sets a quantity to the value of a sum in the state before."""
+
+    level: Level
+    to: Linear
+
+
+def changed(state: Bits, before: Bits, changes: tuple[Change, ...]) -> Bits:
+    """A state with the new values of quantities; `before` is the state before the step."""
+    for each in changes:
+        state = state & ~each.level.mask | each.level.bit(each.to.of(before))
+    return state
+
+
+def helps(changes: tuple[Change, ...], tests: tuple[Comparing, ...], complements: Mapping[int, int]) -> Bits:
+    """The derived atoms that changes may make true, at once or in time, with complementary atoms."""
+    found = 0
+    for change in changes:
+        for test in tests:
+            makes, breaks = test.helped(change)
+            if makes:
+                found |= 1 << test.atom
+            if breaks and test.atom in complements:
+                found |= 1 << complements[test.atom]
+    return found

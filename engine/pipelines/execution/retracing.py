@@ -1,0 +1,174 @@
+"""Where the arms and bodies of a cell are while a run goes on, found from its journal.
+
+A journal says which step was under way and since when, not how the arm went. So each step gets the motion that planning would
+give it, from where the arm was, and the motion takes the time that the step took.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from engine.model.execution import Record, RecordKind
+from engine.model.geometry import Floats
+from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
+from engine.pipelines.execution.compiling import situation_of
+from engine.pipelines.execution.records import read_atom
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.steps import guide_value
+from engine.pipelines.moves.walking import Walk, operation_of
+from engine.ports import GeometryBackend
+from engine.stages.geometry.world.following import following
+from engine.stages.geometry.world.model import World
+from kb.model.cell import Cell
+from kb.model.plan import Step, StepId
+from kb.model.problem import Problem
+from kb.terms import Atom
+
+KEPT = 64  # worlds, each for other facts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """A step that a run began with the record `number`: its motion, or why it has none, and the facts before and after it."""
+
+    number: int
+    command: int
+    motion: MovedStep | Unmoved
+    before: frozenset[Atom]
+    after: frozenset[Atom]
+
+
+@dataclass(eq=False)
+class Retracing:
+    """Finds the motions of the steps of a run, record by record; `number` is that of the last, `facts` what the run holds for true."""
+
+    walk: Walk
+    facts: frozenset[Atom]
+    number: int = 0
+    _changes: dict[int, Mapping[str, list[str]]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, problem: Problem, cell: Cell, backend: GeometryBackend, seed: int = 0) -> "Retracing":
+        """At the start of a run of the problem."""
+        walk = Walk(PlanGate().semantics(problem), cell, backend, seed)
+        return cls(walk, frozenset(situation_of(problem).state))
+
+    def take(self, record: Record) -> Taken | None:
+        """Take in a record; the motion that begins with it, if one does."""
+        content, self.number = record.content, record.number
+        match record.kind:
+            case RecordKind.PLAN:
+                self._changes = {each["id"]: each for each in content["steps"]}
+            case RecordKind.DONE | RecordKind.WORLD:
+                self.facts = self._after(content)
+            case RecordKind.COMMAND if content.get("step") in self._changes:
+                return self._begun(record, self._changes[content["step"]])
+            case _:
+                pass
+        return None
+
+    def _after(self, change: Mapping[str, list[str]]) -> frozenset[Atom]:
+        ended = set(map(read_atom, change.get("ends", ())))
+        return (self.facts - ended) | set(map(read_atom, change.get("adds", ())))
+
+    def _begun(self, record: Record, change: Mapping[str, list[str]]) -> Taken | None:
+        action = read_atom(record.content["action"])
+        operation = operation_of(self.walk.cell, action)
+        if operation is None:
+            return None
+        step, after = Step(StepId(record.content["step"]), action), self._after(change)
+        motion = self.walk.step(step, operation, self.facts, after)
+        return Taken(record.number, record.content["command"], motion, self.facts, after)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A part of a step, from `start_s` on, in the state before it or after it; without a leg the arm rests at `q` (k,)."""
+
+    start_s: float
+    seconds: float
+    leg: Leg | None
+    q: Floats
+    later: bool
+
+
+def stretches(motion: MovedStep) -> list[Stretch]:
+    """The parts of a motion in their order. What is done at the place is done when the arm is in it, and before it goes out."""
+    legs = motion.legs
+    inside = max((n for n, leg in enumerate(legs) if leg.kind is LegKind.IN), default=len(legs) - 1)
+    found, now = [], 0.0
+    for n, leg in enumerate(legs):
+        later = leg.kind is LegKind.OUT and n > inside
+        found.append(Stretch(now, leg.seconds, leg, leg.path[-1], later))
+        now += leg.seconds
+        if n == inside and motion.takes_s:
+            driven = leg if leg.kind is LegKind.DRIVE else None
+            found.append(Stretch(now, motion.takes_s, driven, leg.path[-1], False))
+            now += motion.takes_s
+    return found
+
+
+def configuration(stretch: Stretch, seconds: float) -> Floats:
+    """The configuration (k,) of the arm so long after the start of the step; between corners the joints go evenly."""
+    leg = stretch.leg
+    if leg is None or len(leg.path) < 2 or leg.kind is LegKind.DRIVE:
+        return stretch.q
+    at = np.clip(seconds - stretch.start_s, 0.0, leg.seconds)
+    columns = [np.interp(at, leg.corners_s, column) for column in leg.path.T]
+    found: Floats = np.array(columns)
+    return found
+
+
+class Resting:
+    """The cell with its bodies where facts put them, and its arms at home; the last few worlds are kept."""
+
+    def __init__(self, cell: Cell) -> None:
+        self.home = World.of(cell)
+        self.with_facts = lru_cache(KEPT)(lambda facts: following(self.home, facts))
+
+
+def world_during(resting: Resting, taken: Taken, share: float) -> World:
+    """The cell when a share (0 to 1) of the step's time is over.
+
+    A step without a motion leaves everything where it was until it is over.
+    """
+    motion = taken.motion
+    if isinstance(motion, Unmoved) or not motion.legs:
+        return resting.with_facts(taken.after if share >= 1.0 else taken.before)
+    arm, parts, seconds = motion.legs[0].arm, stretches(motion), share * motion.seconds
+    if share >= 1.0:
+        return resting.with_facts(taken.after).moved(arm, parts[-1].q)
+    now = next((each for each in reversed(parts) if each.start_s <= seconds), parts[0])
+    world = resting.with_facts(taken.after if now.later else taken.before)
+    if now.leg is not None and now.leg.kind is LegKind.DRAG:
+        dragged = _operation_body(resting.home, taken, "drags")
+        world = world.moved(arm, now.leg.path[0])
+        return world.affix(dragged, f"{arm}.tool").moved(arm, configuration(now, seconds))
+    if now.leg is not None and now.leg.kind is LegKind.DRIVE and now.seconds:
+        world = _driven(resting, taken, world, (seconds - now.start_s) / now.seconds)
+    return world.moved(arm, configuration(now, seconds))
+
+
+def _operation_body(world: World, taken: Taken, kind: str) -> str:
+    operation = operation_of(world.cell, taken.motion.operator)
+    assert operation is not None
+    return str(getattr(operation, kind))
+
+
+def _driven(resting: Resting, taken: Taken, world: World, share: float) -> World:
+    """The world with the body that carries the arm a share of its way along."""
+    body = _operation_body(resting.home, taken, "drives")
+    first, last = (guide_value(resting.with_facts(facts), body) for facts in (taken.before, taken.after))
+    return world.guided(body, first + min(1.0, share) * (last - first))
+
+
+def tool_path(resting: Resting, taken: Taken, count: int = 60) -> Floats:
+    """Points (count, 3) that the tool of the arm passes during a step, in the world; none if nothing moves."""
+    if isinstance(taken.motion, Unmoved) or not taken.motion.legs:
+        return np.zeros((0, 3))
+    arm = taken.motion.legs[0].arm
+    shares: Iterable[float] = np.linspace(0.0, 1.0, count)
+    poses = [world_during(resting, taken, float(share)).pose("world", f"{arm}.tool") for share in shares]
+    return np.array([pose[:3, 3] for pose in poses])

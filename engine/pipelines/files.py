@@ -1,0 +1,28 @@
+"""What is in the files that a target names, before anything is planned: the domain, the problem, and the state it begins in.
+
+Nothing here needs a planner, so that commands which only look at a cell start quickly.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from engine.pipelines.plan_files import generated_if_bare
+from engine.stages.validation.semantics import Semantics
+from kb.targets import find
+from kb.terms import Atom
+
+if TYPE_CHECKING:
+    from kb.loader import Loaded
+
+
+def loaded(path: Path) -> "Loaded":
+    """What is in the file of a domain or problem; the domain may be one that is generated. Raises `InvalidInput`."""
+    from kb.loader import load
+
+    return load(path, generated_if_bare)
+
+
+def initial_facts(target: str) -> frozenset[Atom]:
+    """The initial state of the problem that a target names; empty for a domain. Raises `InvalidInput`."""
+    problem = loaded(find(target)).problem
+    return frozenset() if problem is None else Semantics(problem).initial()

@@ -1,0 +1,80 @@
+"""The plan with the least makespan: several plans are scheduled, and the best timetable is the answer."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from engine.model.outcome import Found, GaveUp, Infeasible
+from engine.model.schedule import Timetable
+from engine.model.task import Task
+from engine.pipelines.gate import accepted
+from engine.pipelines.timetable import by_other_means, keeping, own_order, timed
+from engine.pipelines.timetable.kept import LONG
+from engine.pipelines.timetable.orders import least_makespan
+from engine.stages.planning import Limits
+from engine.stages.planning import plan as plan_task
+from engine.stages.scheduling import ScheduleLimits
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+
+WORK = 3.0  # of the solver, about seconds of one core
+CHOOSING = 2.0  # at most of it, and a sixth, spent on other means
+SOON = 5_000  # expansions after which no second plan is looked for
+SECOND = 2_000  # expansions that a second plan may take
+PLANS = "of all plans"
+
+
+def fastest(
+    problem: Problem, task: Task, outcome: Found, limits: Limits, work: ScheduleLimits | None = None
+) -> tuple[Timetable, Infeasible | GaveUp | None]:
+    """The best timetable of the plan and of others found from there on; and why a plan has none, if one has none."""
+    work = work or ScheduleLimits(WORK, limits.seed, interrupted=limits.interrupted)
+    bound = least_makespan(task)
+    if len(outcome.plan.steps) > LONG:
+        return _judged(keeping(problem, outcome.plan), bound), None
+    own = own_order(problem, task, outcome.plan)
+    if own.schedule.makespan <= bound and not own.unwatched:
+        return _judged(own, bound), None
+    plans = list(_plans(problem, task, outcome, limits))
+    made = [timed(problem, task, each, work) for each in plans]
+    choosing = replace(work, work=min(work.work / 6, CHOOSING))
+    made += [each for each in [by_other_means(problem, task, plans, choosing, bound)] if each is not None]
+    found = [own, *(each for each in made if isinstance(each, Timetable))]
+    refused = next((each for each in made if not isinstance(each, Timetable)), None)
+    return _judged(min(found, key=_value), bound), refused
+
+
+def _judged(made: Timetable, bound: int) -> Timetable:
+    """The timetable, with the proof that no plan is shorter if it meets a bound of all plans."""
+    if made.schedule.makespan > bound or made.schedule.tardiness:
+        return made
+    return replace(made, schedule=replace(made.schedule, lower_bound=bound, proved=True), scope=PLANS)
+
+
+def _value(made: Timetable) -> tuple[int, ...]:
+    """What timetables are compared by; one that keeps to all that is wished comes first, the best proved one last."""
+    schedule = made.schedule
+    best = made.unwatched, schedule.tardiness, schedule.makespan
+    return *best, made.plan.cost, len(made.plan.steps), -schedule.lower_bound
+
+
+def _plans(problem: Problem, task: Task, outcome: Found, limits: Limits) -> Iterator[Plan]:
+    """The plan, and others with other steps."""
+    yield outcome.plan
+    done = sorted(str(step.operator) for step in outcome.plan.steps)
+    for other in _others(problem, task, outcome, limits):
+        if sorted(str(step.operator) for step in other.steps) != done:
+            yield other
+
+
+def _others(problem: Problem, task: Task, outcome: Found, limits: Limits) -> Iterator[Plan]:
+    """The plan whose steps take least time, if it is soon found."""
+    different = len({operator.duration for operator in task.operators if operator.duration}) > 1
+    if not different or outcome.statistics.counts.get("expanded", 0) > SOON or limits.interrupted():
+        return
+    operators = tuple(replace(each, cost=each.duration + min(1, each.cost)) for each in task.operators)
+    second = replace(limits, expansions=SECOND, thorough=False, strategy="auto")
+    found = plan_task(replace(task, operators=operators), second)
+    if isinstance(found, Found):
+        costs = {operator.instance: operator.cost for operator in task.operators}
+        steps = tuple(replace(step, cost=costs[step.operator]) for step in found.plan.steps)
+        yield accepted(problem, Plan(steps, found.plan.links))

@@ -1,0 +1,50 @@
+"""Plans in files, and what the checker has against them. Nothing is planned here, so a check starts without any planner."""
+
+import re
+from pathlib import Path
+
+from engine.stages.validation import validate
+from engine.stages.validation.claims import makespan, times
+from kb.diagnostics import Diagnostic
+from kb.files import File, read_file
+from kb.model.plan import Claims, Plan
+from kb.model.problem import Problem
+from kb.targets import CONTACTS_FILE
+
+OPERATORS = re.compile(r"^(operators|['\"]operators['\"])\s*:", re.MULTILINE)
+
+
+def check_plan(
+    problem: Problem, made: Plan, name: str = "plan", claims: Claims | None = None
+) -> list[Diagnostic]:
+    """Everything that the independent checker has against a plan and against what is claimed of it; empty if it is valid.
+
+    Raises `InvalidInput`.
+    """
+    return validate(problem, made, name, claims)
+
+
+def ending(made: Plan, claims: Claims | None = None) -> int:
+    """When the last step ends; each starts when it is said to, else as soon as it can."""
+    return makespan(made, times(made, claims or Claims()))
+
+
+def plan_in(file: Path) -> tuple[Problem, Plan]:
+    """The problem and the plan in a plan file; its domain may be one that is generated. Raises `InvalidInput`."""
+    return claimed_in(file)[:2]
+
+
+def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
+    """`plan_in`, and what else the file claims."""
+    from kb.loader.plan import load_claimed
+
+    return load_claimed(file, generated_if_bare)
+
+
+def generated_if_bare(domain: Path) -> File | None:
+    """The generated domain for a domain file without operators that has a contact model beside it, else None."""
+    if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS.search(read_file(domain).text):
+        return None
+    from engine.pipelines.task_space import generated  # slow to import
+
+    return generated(domain)

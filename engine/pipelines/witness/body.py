@@ -1,0 +1,136 @@
+"""A cell that physics moves: what steps of the arm do in it, and whether that is what the facts say."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.model.moves import MovedStep
+from engine.pipelines.moves.walking import Walk, operation_of
+from engine.pipelines.witness.stage import SETTLE_S, Stage, hand_of, value_of
+from engine.stages.geometry.world.following import following
+from engine.stages.geometry.world.model import World
+from kb.model.cell import BodyKind
+from kb.model.plan import Step, StepId
+from kb.terms import Atom, Function, match, substitute
+
+NEAR_M, NEAR_SHARE = (
+    0.03,
+    0.1,
+)  # a body is at its place within so many metres, or this share of its joint's range
+FIRST = StepId(1)
+
+Facts = Collection[Atom]
+
+
+@dataclass(frozen=True, slots=True)
+class Hindrance:
+    """What makes a physical cell other than its model: a friction of all parts, joints that are blocked, parts that are stuck."""
+
+    friction: float | None = None
+    blocked: tuple[str, ...] = ()
+    stuck: tuple[str, ...] = ()
+
+
+class Body:
+    """The physical cell of a run."""
+
+    def __init__(self, walk: Walk, start: Facts, hindrance: Hindrance = Hindrance()) -> None:
+        self.walk, self.cell, self.stage = walk, walk.cell, Stage(following(World.of(walk.cell), start))
+        self.hindrance = hindrance
+        if hindrance.friction is not None:
+            self.stage.make_slippery(hindrance.friction)
+        for name in hindrance.blocked:
+            self.stage.block(name, True)
+        for name in hindrance.stuck:
+            self.stage.stick(name, True)
+
+    def carries_out(self, step: Function, before: Facts, after: Facts) -> bool:
+        """Take a step; whether all bodies that it moves are then where the facts put them. A step without a motion is done."""
+        operation = operation_of(self.cell, step)
+        if operation is None:
+            return True
+        self.walk.lying = self._lying(before)
+        moved = self.walk.step(Step(FIRST, step), operation, frozenset(before), frozenset(after))
+        if not isinstance(moved, MovedStep):
+            return False
+        worlds = self._world(before), self._world(after)
+        self.stage.take(moved, *worlds)
+        return all(self._is_where(name, after) for name in self._moved(before, after))
+
+    def misfit(self, facts: Facts, before: Facts, after: Facts) -> int:
+        """How many of the bodies that a step was to move are not as some facts say, `before` and `after` being those of the step.
+
+        A body that no fact puts anywhere should be at neither place.
+        """
+        placed, wrong = self._placed(facts), 0
+        for name in self._moved(before, after):
+            if name in placed:
+                wrong += not self._is_where(name, facts)
+            else:
+                wrong += self._is_where(name, before) or self._is_where(name, after)
+        return wrong
+
+    def failed(self, facts: Facts) -> None:
+        """The hand is as the facts say after a step that has failed."""
+        world = self._world(facts)
+        for arm in self.cell.arms:
+            self.stage.fingers(arm, world, closed=False)
+        self.stage.wait(SETTLE_S)
+
+    def repaired(self, before: Facts, after: Facts) -> None:
+        """A repair has helped: nothing is blocked or stuck any more, and what it has brought somewhere is there."""
+        for name in self.hindrance.blocked:
+            self.stage.block(name, False)
+        for name in self.hindrance.stuck:
+            self.stage.stick(name, False)
+        world = self._world(after)
+        for name in self._moved(before, after):
+            if name in self._placed(after) and not self._is_where(name, after):
+                self.stage.put(name, world)
+        self.failed(after)
+
+    def _world(self, facts: Facts) -> World:
+        return following(World.of(self.cell), facts)
+
+    def _lying(self, facts: Facts) -> Mapping[str, Floats]:
+        """Where the parts lie that no fact puts anywhere: poses in the world (4, 4)."""
+        placed = self._placed(facts)
+        parts = (name for name, body in self.cell.bodies.items() if body.kind is BodyKind.PART)
+        return {name: self.stage.pose(name) for name in parts if name not in placed}
+
+    def _placed(self, facts: Facts) -> set[str]:
+        found = set()
+        for fact in facts:
+            for location in self.cell.locations:
+                bindings = match(location.fact, fact, {})
+                if bindings is not None:
+                    found.add(str(substitute(location.body, bindings)))
+        return found
+
+    def _moved(self, before: Facts, after: Facts) -> list[str]:
+        """Parts and joints that two sets of facts put elsewhere, but for the fingers."""
+        one, other = self._world(before), self._world(after)
+        hands = {each for arm in self.cell.arms for each in hand_of(one, arm)}
+        return [
+            name
+            for name, body in self.cell.bodies.items()
+            if name not in hands
+            and (body.kind is BodyKind.PART or (body.guide is not None and not body.guide.follows))
+            and self._differs(name, one, other)
+        ]
+
+    def _differs(self, name: str, one: World, other: World) -> bool:
+        mine, theirs = one.placed[name], other.placed[name]
+        same = np.abs(mine.T_parent_frame - theirs.T_parent_frame).max() < 1e-9
+        return mine.parent != theirs.parent or not same
+
+    def _is_where(self, name: str, facts: Facts) -> bool:
+        """Whether a body is where some facts put it. What is in a hand is measured from the hand."""
+        world, body = self._world(facts), self.cell.bodies[name]
+        if body.guide is not None:
+            wide = abs(body.guide.upper - body.guide.lower)
+            return abs(self.stage.value(name) - value_of(world, name)) <= NEAR_SHARE * wide
+        there = self.stage.actual(world).pose("world", name)[:3, 3]
+        return float(np.linalg.norm(self.stage.pose(name)[:3, 3] - there)) <= NEAR_M

@@ -1,0 +1,70 @@
+"""The driver `mujoco`: steps of the arm are played by the physics engine, which decides whether they have worked.
+
+Everything else, tests and repairs too, is as in the simulator: a fault is there by its cause, and tests are answered by it.
+The clock is virtual; a step lasts as long as the plan says.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.walking import Walk
+from engine.pipelines.simulator import HiddenCell, Simulator, fault_base, number_of, settings_of
+from engine.pipelines.witness.body import Body, Hindrance
+from engine.plugins import geometry_backend
+from engine.ports import DriverSetup
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.loader.cell import load_cell
+from kb.model.cell import BodyKind, Cell
+from kb.targets import CELL_FILE
+
+OWN = ("friction", "block", "stick")
+
+
+def physical(setup: DriverSetup) -> Simulator:
+    """The physical cell for a run. Options beside those of the simulator: friction, block and stick. Raises `InvalidInput`."""
+    settings = settings_of(setup, OWN)
+    cell = _cell(setup.problem.domain.path)
+    hindrance = _hindrance(setup.options, cell)
+    semantics = PlanGate().semantics(setup.problem)
+    walk = Walk(semantics, cell, geometry_backend(), setup.seed)
+    body = Body(walk, semantics.initial(), hindrance)
+    base = fault_base(setup.problem)
+    return Simulator(HiddenCell(setup.problem, base, settings.injections, setup.seed, body=body), settings)
+
+
+def _cell(domain: str) -> Cell:
+    path = Path(domain).with_name(CELL_FILE)
+    if not domain or not path.is_file():
+        hint = f"describe the cell in a {CELL_FILE} beside the domain"
+        raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"there is no {CELL_FILE}", hint)])
+    cell = load_cell(path)
+    if not cell.operations:
+        hint = "say what the arm does in a step under `operations:`, such as pick(Item, Place): {at: Place}"
+        raise InvalidInput([Diagnostic(Source(cell.path), "K405", "the cell declares no operations", hint)])
+    return cell
+
+
+def _hindrance(options: Mapping[str, str], cell: Cell) -> Hindrance:
+    friction = number_of(options, "friction", -1.0) if "friction" in options else None
+    if friction is not None and not 0.0 < friction <= 10.0:
+        said = f"a friction of {options['friction']} is no share of a force"
+        raise InvalidInput([Diagnostic(Source("--option"), "K107", said, "write friction=0.1")])
+    joints = [name for name, body in cell.bodies.items() if body.guide is not None]
+    parts = [name for name, body in cell.bodies.items() if body.kind is BodyKind.PART]
+    return Hindrance(
+        friction,
+        tuple(_known("block", options, joints, "joint")),
+        tuple(_known("stick", options, parts, "part")),
+    )
+
+
+def _known(option: str, options: Mapping[str, str], names: list[str], kind: str) -> list[str]:
+    """The bodies that an option names, with commas between them."""
+    asked = [each.strip() for each in options.get(option, "").split(",") if each.strip()]
+    for each in asked:
+        if each not in names:
+            hint = nearest(each, names) or f"one of: {', '.join(names)}"
+            said = f"the cell has no {kind} '{each}'"
+            raise InvalidInput([Diagnostic(Source(f"--option {option}"), "K107", said, hint)])
+    return asked

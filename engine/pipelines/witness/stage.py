@@ -1,0 +1,287 @@
+"""The stage on which steps are played: the model of MuJoCo while time goes on, its servos, and what they touch."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.model.moves import Leg, LegKind, MovedStep
+from engine.pipelines.moves.walking import operation_of
+from engine.pipelines.witness.model import dragged_by_hand, quaternion, written
+from engine.stages.geometry import transforms
+from engine.stages.geometry.world.model import World
+from kb.model.cell import BodyKind, Cell, JointKind
+
+LOOK_S = 0.01  # how often contacts are looked at
+LEAST_N = 1.0  # a contact with less force is a graze of rounding
+SQUEEZE_M = 0.006  # how much farther than the thing that is gripped the fingers want to close
+SETTLE_S = 0.5
+CATCH_UP_S = 0.2  # after a leg: the servos lag behind
+BLOCKED_KG = 1e6
+PACE = 40.0  # 1/s: how quickly the servos of an arm follow
+
+
+@dataclass(frozen=True, slots=True)
+class Touched:
+    """A contact that no step allows: when, in which step, between what, and how strong at most."""
+
+    at_s: float
+    step: int
+    first: str
+    second: str
+    force_n: float
+
+
+class Stage:
+    """The model while it is played."""
+
+    def __init__(self, world: World) -> None:
+        self.world, self.model = world, mujoco.MjModel.from_xml_string(written(world))
+        self.data = mujoco.MjData(self.model)
+        tuned(self.model, world.cell)
+        self.by_hand = dragged_by_hand(world.cell)
+        self.targets: dict[str, float] = {}
+        self.touched: dict[tuple[int, str, str], Touched] = {}
+        self.off_place, self.step, self.allowed = 0.0, 0, frozenset[str]()
+        self.held: frozenset[str] = frozenset()
+        self._drives: dict[str, float] = {}
+        for arm, q in world.configurations.items():
+            for joint, value in zip(world.cell.arms[arm].arm.joints, q, strict=True):
+                self._set(f"{arm}/{joint.name}", float(value))
+        for name, body in world.cell.bodies.items():
+            if body.guide is not None:
+                self._set(name, value_of(world, name))
+        mujoco.mj_forward(self.model, self.data)
+
+    def _set(self, joint: str, value: float) -> None:
+        self.data.joint(joint).qpos[0] = value
+        self._aim(joint, value)
+
+    def _aim(self, joint: str, value: float) -> None:
+        """Aim the servo of a joint, and those of all that follow it."""
+        bodies = self.world.cell.bodies
+        same = (
+            name for name, body in bodies.items() if body.guide is not None and body.guide.follows == joint
+        )
+        for name in (joint, *same):
+            number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+            if number >= 0:
+                self.data.ctrl[number] = value
+
+    def take(self, step: MovedStep, before: World, after: World) -> None:
+        """One step: its legs, and at the place what fingers and furniture do."""
+        operation = operation_of(before.cell, step.operator)
+        assert operation is not None
+        place = before.cell.places.get(step.place)
+        on = before.supports(place.placement.parent) if place is not None else ()
+        named = {*on, *(place.touches if place is not None else ()), operation.drags}
+        self.step = step.step
+        for leg in step.legs:
+            self.held = frozenset(_parts(after if leg.kind is LegKind.OUT else before, leg.arm))
+            self.allowed = frozenset(named) if leg.kind is not LegKind.WAY else frozenset()
+            self._follow(leg, operation.drags, before, after)
+            if leg.kind is LegKind.IN:
+                q = [
+                    self.data.joint(f"{leg.arm}/{j.name}").qpos[0]
+                    for j in self.world.cell.arms[leg.arm].arm.joints
+                ]
+                self.off_place = max(self.off_place, float(np.abs(np.array(q) - leg.path[-1]).max()))
+                self.held |= frozenset(_parts(after, leg.arm))
+                self._at_place(leg.arm, step.takes_s, operation.drags, before, after)
+            elif leg.kind is LegKind.DRAG:
+                self.fingers(leg.arm, after, closed=False)
+                self.wait(SETTLE_S)
+
+    def _at_place(self, arm: str, takes_s: float, drags: str, before: World, after: World) -> None:
+        self.fingers(arm, after, closed=bool(drags))
+        for name, body in after.cell.bodies.items():
+            changed = body.guide is not None and abs(value_of(after, name) - value_of(before, name)) > 1e-9
+            if changed and name != drags and name not in hand_of(after, arm):
+                self._aim(name, value_of(after, name))
+        self.wait(max(takes_s, SETTLE_S))
+
+    def fingers(self, arm: str, world: World, closed: bool) -> None:
+        """The fingers go where the facts put them, somewhat closer around what they hold; or all the way."""
+        for name in hand_of(world, arm):
+            guide = world.cell.bodies[name].guide
+            assert guide is not None
+            value = value_of(world, name)
+            self._aim(name, guide.upper if closed else value + (SQUEEZE_M if value > 1e-9 else 0.0))
+
+    def _follow(self, leg: Leg, drags: str, before: World, after: World) -> None:
+        began = self.data.time
+        first, last = (value_of(before, drags), value_of(after, drags)) if drags else (0.0, 0.0)
+        joints = [f"{leg.arm}/{each.name}" for each in self.world.cell.arms[leg.arm].arm.joints]
+        while (t := self.data.time - began) < leg.seconds:
+            for joint, value in zip(joints, leg.at(t), strict=True):
+                self._aim(joint, float(value))
+            if leg.kind is LegKind.DRAG:
+                self._aim(drags, first + (last - first) * t / leg.seconds)
+            self._tick()
+        for joint, value in zip(joints, leg.path[-1], strict=True):
+            self._aim(joint, float(value))
+        self.wait(CATCH_UP_S)
+
+    def wait(self, seconds: float) -> None:
+        """Time goes on, and everything aims where it aimed."""
+        until = self.data.time + seconds
+        while self.data.time < until:
+            self._tick()
+
+    def _tick(self) -> None:
+        mujoco.mj_step(self.model, self.data)
+        if self.data.time % LOOK_S < self.model.opt.timestep:
+            self._look()
+
+    def _look(self) -> None:
+        """Note every contact of the arm, its hand, and what it holds, that the step does not allow."""
+        force = np.zeros(6)
+        for number in range(self.data.ncon):
+            contact = self.data.contact[number]
+            names = tuple(sorted(self._body(geom) for geom in contact.geom))
+            if contact.dist >= 0 or not self._is_strange(names):
+                continue
+            mujoco.mj_contactForce(self.model, self.data, number, force)
+            key = (self.step, names[0], names[1])
+            known = self.touched.get(key)
+            if abs(force[0]) >= LEAST_N and (known is None or force[0] > known.force_n):
+                self.touched[key] = Touched(round(self.data.time, 3), *key, round(float(force[0]), 2))
+
+    def _body(self, geom: int) -> str:
+        number = self.model.geom_bodyid[geom]
+        return str(mujoco.mj_id2name(self.model, mujoco.mjtObj.mjOBJ_BODY, number))
+
+    def _is_strange(self, names: tuple[str, ...]) -> bool:
+        """Whether one of two bodies is the arm's, and the other neither its own nor one that the step allows."""
+        own = [name in self.held or self._is_hand(name) for name in names]
+        if all(own) or not any(own):
+            return False
+        return names[0 if own[1] else 1] not in self.allowed
+
+    def _is_hand(self, name: str) -> bool:
+        arm = name.partition("/")[0].partition(".")[0]
+        return arm in self.world.cell.arms or any(
+            name in _carried(self.world, each) for each in self.world.cell.arms
+        )
+
+    def pose(self, body: str) -> Floats:
+        """Where a body is in the world, (4, 4)."""
+        known = self.data.body(body)
+        return transforms.transform(known.xmat.reshape(3, 3).copy(), known.xpos.copy())
+
+    def actual(self, world: World) -> World:
+        """A world with all joints, of arms and furniture, as they are on the stage."""
+        for arm, mounted in world.cell.arms.items():
+            names = (f"{arm}/{joint.name}" for joint in mounted.arm.joints)
+            world = world.moved(arm, np.array([self.data.joint(name).qpos[0] for name in names]))
+        for name, body in world.cell.bodies.items():
+            if body.guide is not None and not body.guide.follows:
+                world = world.guided(name, self.value(name))
+        return world
+
+    def value(self, body: str) -> float:
+        """How far a body is along its guide on the stage."""
+        return float(self.data.joint(body).qpos[0])
+
+    def put(self, body: str, world: World) -> None:
+        """Somebody puts a body where a world has it."""
+        guide = world.cell.bodies[body].guide
+        if guide is not None:
+            self._set(body, value_of(world, body))
+            return
+        T = self.actual(world).pose("world", body)
+        joint = self.data.joint(body)
+        joint.qpos[:3], joint.qpos[3:] = T[:3, 3], quaternion(T[:3, :3])
+        joint.qvel[:] = [0.0, 0.0, -0.001, 0.0, 0.0, 0.0]  # a body that sleeps wakes when it moves
+        mujoco.mj_forward(self.model, self.data)
+
+    def make_slippery(self, friction: float) -> None:
+        """All parts have this friction with whatever they touch."""
+        for name, body in self.world.cell.bodies.items():
+            if body.kind is BodyKind.PART:
+                own = np.nonzero(self.model.geom_bodyid == self.model.body(name).id)[0]
+                self.model.geom_priority[own] = 1
+                self.model.geom_friction[own, 0] = friction
+                self.model.geom_friction[own, 1] = min(friction, 1.0) * self.model.geom_friction[own, 1]
+
+    def block(self, body: str, on: bool) -> None:
+        """Whether the joint of a body is as hard to move as if it had the mass of a house."""
+        dof = self.model.joint(body).dofadr[0]
+        self._drives.setdefault(body, float(self.model.dof_armature[dof]))
+        self.model.dof_armature[dof] = BLOCKED_KG if on else self._drives[body]
+
+    def stick(self, part: str, on: bool) -> None:
+        """Whether a part sticks where it stood at first."""
+        self.data.eq_active[self.model.equality(f"stuck/{part}").id] = int(on)
+
+    def off(self, world: World) -> dict[str, float]:
+        """How far each part is from where the facts put it, in m."""
+        found = {}
+        for name, body in world.cell.bodies.items():
+            if body.kind is BodyKind.PART and not _in_hand(world, name):
+                there = world.pose("world", name)[:3, 3]
+                found[name] = float(np.linalg.norm(self.data.body(name).xpos - there))
+        return found
+
+
+def tuned(model: mujoco.MjModel, cell: Cell) -> None:
+    """Give the servos of all arms the gains of one pace, critically damped for the inertia that each joint has at rest.
+
+    The engine balances contacts before it adds the damping of the servos. If damping by far outweighs inertia in a time step, it
+    takes the arm for faster than it is, and what is gripped creeps between the fingers.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for arm, mounted in cell.arms.items():
+        for joint in mounted.arm.joints:
+            name = f"{arm}/{joint.name}"
+            number, dof = model.actuator(name).id, model.joint(name).dofadr[0]
+            inertia, only = np.zeros(model.nv), np.zeros(model.nv)
+            only[dof] = 1.0
+            mujoco.mj_mulM(model, data, inertia, only)
+            stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
+            model.actuator_gainprm[number, 0] = stiff
+            model.actuator_biasprm[number, 1:3] = -stiff, -damped
+
+
+def _carried(world: World, arm: str) -> Iterator[str]:
+    for body, each in world.cell.bodies.items():
+        if each.kind is not BodyKind.PART and any(
+            on.startswith(f"{arm}.") and on != f"{arm}.base" for on in world.supports(body)[1:]
+        ):
+            yield body
+
+
+def hand_of(world: World, arm: str) -> list[str]:
+    """The bodies with drives of their own on an arm: its fingers."""
+    bodies = world.cell.bodies
+    return [
+        each
+        for each in _carried(world, arm)
+        if (guide := bodies[each].guide) is not None and not guide.follows
+    ]
+
+
+def _in_hand(world: World, body: str) -> bool:
+    return any(body in _parts(world, arm) for arm in world.cell.arms)
+
+
+def _parts(world: World, arm: str) -> list[str]:
+    """The parts that an arm holds."""
+    return [
+        name
+        for name, body in world.cell.bodies.items()
+        if body.kind is BodyKind.PART and world.placed[name].parent == f"{arm}.tool"
+    ]
+
+
+def value_of(world: World, body: str) -> float:
+    """How far a body is along its guide."""
+    known: Any = world.cell.bodies[body]
+    moved = transforms.inverse(transforms.of_pose(known.placement.pose)) @ world.placed[body].T_parent_frame
+    slides = known.guide.kind is JointKind.PRISMATIC
+    along = moved[:3, 3] if slides else transforms.rotation_vector(moved[:3, :3])
+    return float(along @ np.array(known.guide.axis))

@@ -1,0 +1,306 @@
+"""Quantities are taken out of a problem before it is grounded, and put into the ground task at the end.
+
+Each comparison with a quantity becomes a derived atom `_compared_n(variables)`, and the changes of operators are kept apart. So
+clingo never sees the values.
+"""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from engine.kernels.bits import bitset
+from engine.model.axioms import Axioms
+from engine.model.quantities import Change, Comparing, Level, Linear
+from engine.model.task import GroundOperator
+from engine.stages.grounding.numbering import Numbering
+from engine.stages.grounding.universe import Universe
+from kb.arithmetic import evaluate_atom
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.conditions import (
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    free_variables,
+    goal_parts,
+)
+from kb.model.domain import Domain, Operator
+from kb.model.problem import Problem
+from kb.terms import (
+    Atom,
+    Function,
+    Number,
+    Operation,
+    Substitution,
+    Term,
+    Variable,
+    match,
+    substitute,
+    substitute_atom,
+)
+
+COMPARED = "_compared_"
+
+
+@dataclass(frozen=True, slots=True)
+class Test:
+    """What the derived predicate of `head` stands for: a comparison, in which variables are the values of quantities."""
+
+    head: Atom
+    values: Mapping[Variable, Function]
+    comparison: Comparison
+    where: Source
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """An operator sets `quantity` to `value`, in which variables are the values of quantities."""
+
+    quantity: Function
+    value: Term
+    values: Mapping[Variable, Function]
+
+
+@dataclass
+class Quantities:
+    """The comparisons and changes of a problem, and `problem` without them."""
+
+    problem: Problem
+    tests: list[Test] = field(default_factory=list)
+    settings: dict[str, list[Setting]] = field(default_factory=dict)
+    initial: dict[Function, int] = field(default_factory=dict)
+
+    def literals_of(self, literals: Sequence[Literal]) -> list[Literal]:
+        """Those among some literals that stand for comparisons."""
+        return [each for each in literals if each.atom.name.startswith(COMPARED)]
+
+
+def without_quantities(problem: Problem) -> Quantities:
+    """A problem without quantities, and what was taken out. Raises `InvalidInput` if a quantity has no single value."""
+    domain = problem.domain
+    if not domain.quantities:
+        return Quantities(problem)
+    found = Quantities(problem)
+    taking = _Taking(domain, found)
+    operators = tuple(map(taking.operator, domain.operators))
+    plain = dataclasses.replace(
+        domain,
+        operators=operators,
+        predicates={n: each for n, each in domain.predicates.items() if n not in domain.quantities},
+        quantities={},
+    )
+    facts = [atom for atom in problem.initial if atom.name in domain.quantities]
+    _note_values(problem, facts, found.initial)
+    found.problem = dataclasses.replace(
+        problem,
+        domain=plain,
+        initial=tuple(atom for atom in problem.initial if atom.name not in domain.quantities),
+        goal=taking.condition(problem.goal, problem.where),
+    )
+    return found
+
+
+def _note_values(problem: Problem, facts: Sequence[Atom], initial: dict[Function, int]) -> None:
+    wrong: list[Diagnostic] = []
+    for atom in facts:
+        *rest, value = atom.arguments
+        quantity, bounds = Function(atom.name, tuple(rest)), problem.domain.quantities[atom.name]
+        assert isinstance(value, Number)
+        if quantity in initial:
+            message = f"{quantity} has two values, {initial[quantity]} and {value}"
+            wrong.append(Diagnostic(problem.where, "K115", message, "leave one of the facts out"))
+        elif not bounds.low <= value.value <= bounds.high:
+            message = f"{quantity} is {value}, which is not within {bounds.low}..{bounds.high}"
+            wrong.append(Diagnostic(problem.where, "K113", message, "change the fact, or the range"))
+        initial[quantity] = value.value
+    if wrong:
+        raise InvalidInput(wrong)
+
+
+class _Taking:
+    """Takes quantities out of the operators and goals of a domain."""
+
+    def __init__(self, domain: Domain, found: Quantities) -> None:
+        self.domain, self.found = domain, found
+
+    def operator(self, operator: Operator) -> Operator:
+        """The operator without quantities."""
+        self.found.settings[operator.name] = [
+            setting for each in operator.effects if (setting := self._setting(each.atom, each.condition))
+        ]
+        effects = tuple(
+            dataclasses.replace(each, condition=self.condition(each.condition, operator.where))
+            for each in operator.effects
+            if each.atom.name not in self.domain.quantities
+        )
+        precondition = self.condition(operator.precondition, operator.where)
+        return dataclasses.replace(operator, precondition=precondition, effects=effects)
+
+    def _setting(self, atom: Atom, condition: Condition) -> Setting | None:
+        """The change that adds a new value; None for any other effect."""
+        if atom.name not in self.domain.quantities:
+            return None
+        *rest, value = atom.arguments
+        for part in goal_parts(condition):
+            if isinstance(part, Comparison) and part.relation == "=" and part.left == value:
+                return Setting(Function(atom.name, tuple(rest)), part.right, self._values(condition))
+        return None
+
+    def _values(self, condition: Condition) -> dict[Variable, Function]:
+        """The quantities whose values the variables of a conjunction are."""
+        found = {}
+        for part in goal_parts(condition):
+            if isinstance(part, Literal) and part.atom.name in self.domain.quantities:
+                *rest, value = part.atom.arguments
+                assert isinstance(value, Variable)
+                found[value] = Function(part.atom.name, tuple(rest))
+        return found
+
+    def condition(self, condition: Condition, where: Source) -> Condition:
+        """The condition with derived atoms in the place of comparisons with quantities."""
+        match condition:
+            case Exists(_, part) if values := self._values(part):
+                tests = [each for each in goal_parts(part) if isinstance(each, Comparison)]
+                made = tuple(self._test(values, each, where) for each in tests)
+                return made[0] if len(made) == 1 else And(made)
+            case And(parts) | Or(parts):
+                return type(condition)(tuple(self.condition(part, where) for part in parts))
+            case Not(part):
+                return Not(self.condition(part, where))
+            case Exists(parameters, part) | ForAll(parameters, part):
+                return type(condition)(parameters, self.condition(part, where))
+            case _:
+                return condition
+
+    def _test(self, values: Mapping[Variable, Function], comparison: Comparison, where: Source) -> Literal:
+        own = {v: each for v, each in values.items() if v in free_variables(comparison)}
+        free = [*free_variables(comparison), *(v for q in own.values() for v in free_variables(Literal(q)))]
+        outer = tuple(v for v in dict.fromkeys(free) if v not in own)
+        head = Function(f"{COMPARED}{len(self.found.tests)}", outer)
+        self.found.tests.append(Test(head, own, comparison, where))
+        return Literal(head)
+
+
+@dataclass
+class Numbers:
+    """The quantities of a ground task whose atoms are `names`."""
+
+    taken: Quantities
+    domain: Domain
+    names: list[Atom]
+    levels: dict[Function, Level] = field(default_factory=dict)
+    _changes: dict[Function, tuple[Change, ...]] = field(default_factory=dict)
+
+    @property
+    def start(self) -> int:
+        """The atoms of the values at the start."""
+        found = 0
+        for quantity, value in self.taken.initial.items():
+            found |= self._level(quantity).bit(value)
+        return found
+
+    def comparing(self, universe: Universe, numbering: Numbering) -> Iterator[Comparing]:
+        """The derived atoms that compare quantities and have numbers. Raises `InvalidInput`."""
+        tests = {each.head.name: each for each in self.taken.tests}
+        for atom, signed in universe.index.items():
+            if (test := tests.get(atom.name)) is None:
+                continue
+            if signed not in numbering.added and ~signed not in numbering.added:
+                continue
+            bindings = match(test.head, atom, {}) or {}
+            difference = Operation("-", test.comparison.left, test.comparison.right)
+            found = self._linear(difference, test.values, bindings, test.where)
+            yield Comparing(numbering.number(signed), found, test.comparison.relation)
+
+    def changing(self, operator: GroundOperator) -> GroundOperator:
+        """The operator with what it does to quantities."""
+        settings = self.taken.settings.get(operator.instance.name)
+        if not settings:
+            return operator
+        if operator.instance not in self._changes:
+            schema = next(each for each in self.domain.operators if each.name == operator.instance.name)
+            bindings = dict(zip(schema.variables, operator.instance.arguments, strict=True))
+            self._changes[operator.instance] = tuple(
+                Change(
+                    self._level(substitute_atom(each.quantity, bindings)),
+                    self._linear(each.value, each.values, bindings, schema.where),
+                )
+                for each in settings
+            )
+        return dataclasses.replace(operator, changes=self._changes[operator.instance])
+
+    def _level(self, quantity: Function) -> Level:
+        known = evaluate_atom(quantity) or quantity
+        if known not in self.taken.initial:
+            message = f"nothing says what {known} is at the start"
+            hint = f"add {Function(known.name, (*known.arguments, Number(0)))}, or its true value, under `initial:`"
+            raise InvalidInput([Diagnostic(self.taken.problem.where, "K115", message, hint)])
+        if known not in self.levels:
+            bounds = self.domain.quantities[known.name]
+            self.levels[known] = Level(known, bounds.low, bounds.high, self.names)
+        return self.levels[known]
+
+    def _linear(
+        self, term: Term, values: Mapping[Variable, Function], bindings: Substitution, where: Source
+    ) -> Linear:
+        factors: dict[Level, int] = {}
+
+        def read(part: Term) -> tuple[dict[Level, int], int]:
+            match part:
+                case Number(value):
+                    return {}, value
+                case Variable() if part in values:
+                    return {self._level(substitute_atom(values[part], bindings)): 1}, 0
+                case Operation(sign, left, right):
+                    return _calculated(sign, read(left), read(right), part, where)
+                case _:
+                    message, hint = f"{part} is no number", "compare quantities with numbers"
+                    raise InvalidInput([Diagnostic(where, "K103", message, hint)])
+
+        factors, constant = read(substitute(term, bindings))
+        return Linear(tuple((level, factor) for level, factor in factors.items() if factor), constant)
+
+
+Sum = tuple[dict[Level, int], int]
+
+
+def _calculated(sign: str, left: Sum, right: Sum, term: Term, where: Source) -> Sum:
+    """Two sums put together. Raises `InvalidInput` if the result is no sum."""
+    (one, first), (other, second) = left, right
+    if sign in ("+", "-"):
+        factor = 1 if sign == "+" else -1
+        keys = dict.fromkeys((*one, *other))
+        return {k: one.get(k, 0) + factor * other.get(k, 0) for k in keys}, first + factor * second
+    if sign == "*" and not (one and other):
+        if not one:
+            one, first, second = other, second, first
+        return {k: factor * second for k, factor in one.items()}, first * second
+    if not one and not other:
+        value = evaluate_atom(Function("", (Operation(sign, Number(first), Number(second)),)))
+        if value is not None and isinstance(value.arguments[0], Number):
+            return {}, value.arguments[0].value
+    message = f"{term} is not linear: quantities can be added, and multiplied by numbers"
+    raise InvalidInput([Diagnostic(where, "K107", message, "write it as a sum")])
+
+
+def with_tests(
+    axioms: Axioms | None, tests: tuple[Comparing, ...], numbering: Numbering, size: int
+) -> Axioms | None:
+    """The axioms together with the comparisons of quantities."""
+    if not tests:
+        return axioms
+    if axioms is None:
+        atoms = bitset([each.atom for each in tests])
+        own = {a: c for a, c in _complements(numbering).items() if atoms >> a & 1}
+        return Axioms(size, (), {}, own, tests)
+    return dataclasses.replace(axioms, tests=tests)
+
+
+def _complements(numbering: Numbering) -> dict[int, int]:
+    return {
+        numbering.number(~signed): number for signed, number in list(numbering.added.items()) if signed < 0
+    }

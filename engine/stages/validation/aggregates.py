@@ -1,0 +1,118 @@
+"""Aggregates over fluents, as the checker reads them: the value of a set of tuples, or the range in which it lies.
+
+Where only bounds of a state are known, so are only bounds of the set: tuples that are in it for certain, and others that may be.
+"""
+
+from collections.abc import Iterator, Mapping, Set
+
+from kb.arithmetic import evaluate, order_key
+from kb.model.conditions import StateAggregate
+from kb.terms import Number, Term, Variable, is_ground, substitute
+
+Tuple = tuple[Term | None, ...]
+Key = tuple[object, ...]
+Bindings = Mapping[Variable, Term]
+LEAST: Key = (-1,)  # the #max of nothing: before all terms
+GREATEST: Key = (9,)  # the #min of nothing: behind all terms
+
+
+def can_test(aggregate: StateAggregate, bindings: Bindings) -> bool:
+    """Whether the outer variables of an aggregate have values, but for one that takes its value."""
+    taken = _taken(aggregate, bindings)
+    return all(variable in bindings or variable == taken for variable in aggregate.outer)
+
+
+def _taken(aggregate: StateAggregate, bindings: Bindings) -> Variable | None:
+    """The variable that takes the value of the aggregate; None if there is none."""
+    if not aggregate.positive:
+        return None
+    open_ = (t for relation, t in aggregate.guards if relation == "=" and isinstance(t, Variable))
+    return next((term for term in open_ if term not in bindings), None)
+
+
+def fitting(
+    aggregate: StateAggregate, bindings: Bindings, one: Set[Tuple], other: Set[Tuple]
+) -> Iterator[Bindings]:
+    """The bindings with which an aggregate is true of a set.
+
+    If all of `one` are in `other`, the set lies between them, and the aggregate must be true of each such set. Else the set
+    lies between `other` and `one`, and the aggregate may be true of one such set. If they are the same, so is the answer.
+    """
+    for_certain = one <= other
+    certain, possible = (one, other) if for_certain else (other, one)
+    low, high = _range(aggregate.function, certain, possible)
+    taken = _taken(aggregate, bindings)
+    if taken is None:
+        if _true(aggregate, bindings, low, high, for_certain):
+            yield bindings
+        return
+    values = _values(aggregate.function, possible, low, high) if low == high or not for_certain else ()
+    for value in values:
+        extended = {**bindings, taken: value}
+        if _true(aggregate, extended, low, high, for_certain):
+            yield extended
+
+
+def _range(function: str, certain: Set[Tuple], possible: Set[Tuple]) -> tuple[Key, Key]:
+    """The least and the greatest value of a set between two others."""
+    if function == "count":
+        return (0, len(certain)), (0, len(possible))
+    if function == "sum":
+        known = sum(map(_weight, certain))
+        open_ = [_weight(each) for each in possible - certain]
+        return (0, known + sum(w for w in open_ if w < 0)), (0, known + sum(w for w in open_ if w > 0))
+    choose, nothing = (min, GREATEST) if function == "min" else (max, LEAST)
+    ends = [choose(map(_first, each), default=nothing) for each in (certain, possible)]
+    return min(ends), max(ends)
+
+
+def _weight(each: Tuple) -> int:
+    return each[0].value if each and isinstance(each[0], Number) else 0
+
+
+def _first(each: Tuple) -> Key:
+    return order_key(each[0]) if each and each[0] is not None else LEAST
+
+
+def _values(function: str, possible: Set[Tuple], low: Key, high: Key) -> Iterator[Term]:
+    """The values between two ends that an aggregate may have, as terms."""
+    if function in ("count", "sum"):
+        assert isinstance(low[1], int)
+        assert isinstance(high[1], int)
+        yield from map(Number, range(low[1], high[1] + 1))
+        return
+    terms = {each[0] for each in possible if each and each[0] is not None}
+    yield from sorted((t for t in terms if low <= order_key(t) <= high), key=order_key)
+
+
+def _true(aggregate: StateAggregate, bindings: Bindings, low: Key, high: Key, for_certain: bool) -> bool:
+    """Whether all comparisons hold for every value between two ends, or may hold for one; the reverse under `not`."""
+    sides = [(relation, evaluate(substitute(term, bindings))) for relation, term in aggregate.guards]
+    if any(side is None or not is_ground(side) for _, side in sides):
+        return False
+    bounds = [(relation, order_key(side)) for relation, side in sides if side is not None]
+    if for_certain is aggregate.positive:
+        found = all(not _may(_NEGATED[relation], low, high, bound) for relation, bound in bounds)
+    else:
+        found = all(_may(relation, low, high, bound) for relation, bound in bounds)
+    return found is aggregate.positive
+
+
+def _may(relation: str, low: Key, high: Key, bound: Key) -> bool:
+    """Whether a comparison may hold for some value between two ends."""
+    match relation:
+        case "=":
+            return low <= bound <= high
+        case "!=":
+            return not low == bound == high
+        case "<":
+            return low < bound
+        case "<=":
+            return low <= bound
+        case ">":
+            return high > bound
+        case _:
+            return high >= bound
+
+
+_NEGATED = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}

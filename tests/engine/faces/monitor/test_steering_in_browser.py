@@ -1,0 +1,149 @@
+"""Runs that go on are steered from pages: every button has its effect in the journal, and an operator's walk from start to replay."""
+
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from engine.faces.monitor.following import Follower, record_of
+from engine.model.execution import RecordKind
+from kb.store.journal import Journal, Line
+from tests.engine.faces.monitor.conftest import Serve, at
+
+pytestmark = pytest.mark.slow
+Open = Callable[[str], Any]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("steering")
+
+
+@pytest.fixture(scope="module")
+def site(serve: Serve, folder: Path) -> str:
+    with Journal(str(folder / "runs.db")) as journal:
+        journal.begin("old", "2026-11-22", {})
+    return serve(folder / "runs.db", folder)
+
+
+def started(page: Any, **fields: str) -> None:
+    """Start a run with the form, and approve its plan from its preview."""
+    for name, value in fields.items():
+        at(page, f"start-{name}").fill(value)
+    at(page, "start").click()
+    at(page, "title", has_text=fields["name"]).wait_for()
+    page.locator('[data-testid="approve"]:enabled').click()
+    at(page, "preview").get_by_text(re.compile(r"\(")).first.wait_for()
+    at(page, "sure-approve").click()
+
+
+def orders(store: Path, run: str, count: int) -> list[tuple[str, str, str]]:
+    """The orders in the journal, once there are so many: what, what besides, and who."""
+    found: list[tuple[str, str, str]] = []
+    until = time.monotonic() + 60
+    while len(found) < count and time.monotonic() < until:
+        time.sleep(0.2)
+        with Journal(str(store)) as journal:
+            records = [record_of(line) for line in journal.lines(run, 0)]
+        given = [each.content for each in records if each.kind is RecordKind.ORDER]
+        assert all(each["when"] for each in given)
+        found = [(each["order"], each["given"], each["who"]) for each in given]
+    return found
+
+
+def test_every_button_has_its_effect_in_the_journal(open_page: Open, site: str, folder: Path) -> None:
+    page = open_page(site)
+    started(page, target="bulkhead/twelve_points", name="buttons", factor="0.3")
+    wanted = [("approve", "")]
+    page.locator('[data-testid="interrupt"]:enabled').click()
+    wanted.append(("interrupt", ""))
+    at(page, "phase", has_text="paused").wait_for()
+    for order, text in (("back", "99"), ("skip", "999"), ("correct", "hand_empty(nobody)")):
+        at(page, "more").click()
+        at(page, order).click()
+        at(page, "text").fill(text)
+        at(page, "give").click()
+        wanted.append((order, text))
+        assert [each[:2] for each in orders(folder / "runs.db", "buttons", len(wanted))] == wanted
+        at(page, "phase", has_text="paused").wait_for()
+    for order in ("retry", "stop"):
+        page.locator(f'[data-testid="{order}"]:enabled').click()
+        wanted.append((order, ""))
+        found = orders(folder / "runs.db", "buttons", len(wanted))
+    assert [each[:2] for each in found] == wanted
+    assert {each[2] for each in found} == {"monitor"}
+    at(page, "resume").click()
+    at(page, "phase", has_text="running").wait_for()
+    page.locator('[data-testid="stop"]:enabled').click()
+    at(page, "phase", has_text="stopped").wait_for()
+
+
+def test_an_operators_walk(open_page: Open, site: str) -> None:
+    """Start THEMSE with four probes; a lid jams; answer; recover; look at the results; replay."""
+    page = open_page(site)
+    started(page, target="themse/four", name="walk", factor="0.02", fault="3=lid_jammed")
+    at(page, "asks", has_text="clear the rails and hinges of the rack").wait_for()
+    at(page, "choice-cured").click()
+    at(page, "tab-diagnosis").click()
+    page.locator("td", has_text="clear_rack").first.wait_for()
+    second = page.context.new_page()  # somebody else looks, too
+    second.goto(f"{site}/run/walk")
+    at(second, "title", has_text="walk").wait_for(timeout=90_000)
+    second.close()
+    page.context.set_offline(True)  # the network is cut, and comes back
+    page.wait_for_timeout(3000)
+    page.context.set_offline(False)
+    at(page, "phase", has_text="reached").wait_for(timeout=240_000)
+    at(page, "tab-results").click()
+    page.locator(".q-tab-panel:visible td").first.wait_for()
+    at(page, "tab-log").click()
+    page.keyboard.press("x")
+    page.locator("td", has_text="EXCEPTION").first.wait_for()
+    at(page, "play").click()
+    at(page, "phase", has_text="handling").wait_for()
+
+
+def test_after_the_network_was_cut_no_event_is_lost_or_shown_twice(
+    open_page: Open, site: str, folder: Path
+) -> None:
+    store = folder / "runs.db"
+    with Journal(str(store)) as journal:
+        journal.begin("cut", "2026-11-22", {})
+        journal.append("cut", [Line(n, n, "goal", {"goal": f"g({n})"}) for n in range(1, 4)])
+        page = open_page(f"{site}/run/cut")
+        at(page, "tab-log").click()
+        page.locator("td", has_text="g(3)").wait_for()
+        page.context.set_offline(True)
+        for n in range(4, 40):
+            journal.append("cut", [Line(n, n, "goal", {"goal": f"g({n})"})])
+            page.wait_for_timeout(50)
+        page.context.set_offline(False)
+        journal.append("cut", [Line(40, 40, "goal", {"goal": "g(40)"})])
+        page.locator("td", has_text="g(40)").wait_for()
+    numbers = page.locator("tbody tr td:first-child").all_inner_texts()
+    assert [each for each in numbers if each.isdigit()] == [str(n) for n in range(40, 0, -1)]
+    follower = Follower(str(store), "cut")
+    assert follower.refresh() == 40
+
+
+def test_a_point_that_is_picked_lands_in_the_problem_file(open_page: Open, site: str, folder: Path) -> None:
+    (folder / "job.yaml").write_text("problem: job\ndomain: bulkhead\ngoals: []\n")
+    page = open_page(f"{site}/measure/job.yaml")
+    page.get_by_role("button", name="left").click()
+    page.wait_for_function("document.querySelector('[data-poses]')?.dataset.poses?.length > 100")
+    page.wait_for_timeout(1500)
+    box = page.locator('[data-testid="scene"] canvas').bounding_box()
+    page.mouse.dblclick(box["x"] + 0.55 * box["width"], box["y"] + 0.45 * box["height"])
+    at(page, "verdict", has_text="measured").wait_for()
+    shown = [float(at(page, each).input_value()) for each in ("x", "y", "z")]
+    at(page, "add").click()
+    at(page, "points").get_by_text("p1").wait_for()
+    found = re.search(r"position\(p1, (-?\d+), (-?\d+), (-?\d+)\)", (folder / "job.yaml").read_text())
+    assert found is not None
+    assert [int(each) / 1000 for each in found.groups()] == pytest.approx(shown, abs=0.1)
+    at(page, "undo").click()
+    page.locator(".q-notification", has_text="undone").wait_for()
+    assert "p1" not in (folder / "job.yaml").read_text()

@@ -1,0 +1,73 @@
+"""What is added to a run while it goes on: goals in words, due dates and priorities. Steps that have begun are not touched."""
+
+from pathlib import Path
+
+import pytest
+
+from engine.model.execution import Order, Record, RecordKind
+from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
+from engine.pipelines.execution.adding import addition, extended
+from engine.pipelines.planning import problem_of
+from kb.diagnostics import InvalidInput
+from kb.store.journal import Journal
+from tests.engine.pipelines.execution.cells import executed, planned
+
+FOUR = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")
+URGENT = "due(t4, 15 min); priority(t4, 10)"
+
+
+def added(text: str, at_ms: int) -> Timed:
+    return Timed([(at_ms, Given(Order.ADD, text))])
+
+
+def baked(records: list[Record]) -> list[str]:
+    """The trays in the order in which their baking begins."""
+    sent = [each for each in records if each.kind is RecordKind.COMMAND]
+    return [each.content["action"][5:7] for each in sent if each.content["action"].startswith("bake(")]
+
+
+def test_a_due_date_that_is_given_while_it_runs_changes_the_order_of_what_has_not_begun() -> None:
+    before = baked(executed(FOUR)[1])
+    ending, records, _ = executed(FOUR, orders=added(URGENT, 7_000))
+    assert ending.outcome == "reached"
+    assert "t4" not in before[:2]
+    assert baked(records)[0] == before[0]
+    assert baked(records)[1] == "t4"
+    done = [each.content["action"] for each in records if each.kind is RecordKind.DONE]
+    assert len(done) == len(set(done)) == 20
+
+
+def test_a_further_command_comes_with_its_due_date() -> None:
+    said = "process probe_2 in the furnace for 5 min; due(probe_2, 10 min)"
+    ending, records, _ = executed("themse/one", orders=added(said, 3_000))
+    assert ending.outcome == "reached"
+    assert "heated(probe_2, 300) of probe_2" in ending.goals
+    (plan,) = [each for each in records if each.kind is RecordKind.PLAN and each.content["why"] == "add"]
+    assert plan.content["wishes"] == ["due(probe_2, 603)"]
+
+
+def test_a_run_that_stops_behind_a_due_date_keeps_it(tmp_path: Path) -> None:
+    problem, _ = planned(FOUR)
+    wanted = named(Wanted(FOUR, store=str(tmp_path / "j.db")), problem)
+    orders = Timed([(7_000, Given(Order.ADD, URGENT)), (8_000, Given(Order.STOP))])
+    assert begin(wanted, problem, orders).outcome == "stopped"
+    assert resume(wanted.store, wanted.run, Timed()).outcome == "reached"
+    with Journal(wanted.store) as journal:
+        done = [line.content["action"] for line in journal.lines(wanted.run, kinds=["done"])]
+    assert "t4" in [each[5:7] for each in done if each.startswith("bake(")][:2]
+
+
+@pytest.mark.parametrize(
+    "text", ["due(t9, 5 min)", "due(t4)", "due(t4, soon)", "priority(t4, high)", "due(t4, t3)"]
+)
+def test_what_is_wrong_with_a_wish_is_told(text: str) -> None:
+    with pytest.raises(InvalidInput):
+        addition(problem_of(FOUR), text)
+
+
+def test_a_wish_takes_the_place_of_an_older_one_and_counts_from_now() -> None:
+    problem = problem_of(FOUR)
+    for at_ms, text in ((0, "due(t4, 15 min)"), (60_000, "due(t4, 5 min)"), (60_000, "due(t3, 1 h)")):
+        more = addition(problem, text, at_ms)
+        problem = extended(problem, more.words, more.wishes)
+    assert list(map(str, problem.statics)) == ["due(t4, 360)", "due(t3, 3660)"]

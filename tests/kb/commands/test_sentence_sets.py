@@ -1,0 +1,64 @@
+"""Thirty and more sentences for each cell that are understood, and as many that are not: what is made of each, and what is said.
+
+Each file of `golden/sets` has the sentences of one cell; behind each stands what comes of it. To add a sentence, write a line
+`say: ...` and run with `--update-golden`.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from kb.commands import understand
+from kb.diagnostics import InvalidInput
+from kb.loader import load_domain, load_problem
+from kb.model.domain import Domain
+from kb.model.problem import Problem
+
+SETS = Path(__file__).parent / "golden" / "sets"
+CAPPING = Path(__file__).parents[2] / "domains" / "capping" / "problems" / "three.yaml"
+CELLS: dict[str, Callable[[], Problem | Domain]] = {
+    "themse": lambda: load_domain("themse"),
+    "bulkhead": lambda: load_problem("bulkhead/twelve_points"),
+    "capping": lambda: load_problem(str(CAPPING)),
+    "handey": lambda: load_problem("handey/five"),
+}
+SAY = "say: "
+
+
+def sentences(cell: str, kind: str) -> list[str]:
+    lines = (SETS / f"{cell}_{kind}.txt").read_text("utf-8").splitlines()
+    return [line.removeprefix(SAY) for line in lines if line.startswith(SAY)]
+
+
+def understood(target: Problem | Domain, sentence: str) -> str:
+    """A sentence with its goals and chains."""
+    problem = understand(target, sentence)
+    lines = [f"  goal: {problem.goal}"] if not problem.chains else []
+    for chain in problem.chains:
+        after = f" after {', '.join(chain.after)}" if chain.after else ""
+        lines.append(f"  {chain.name}{after}: {', '.join(map(str, chain.stages))}")
+    return "\n".join([SAY + sentence, *lines]) + "\n"
+
+
+def refused(target: Problem | Domain, sentence: str) -> str:
+    """A sentence with what is said about it, and under which character."""
+    with pytest.raises(InvalidInput) as error:
+        understand(target, sentence)
+    lines = (
+        f"  {e.where.column}: {e.code} {e.message}; {e.hint}".rstrip("; ") for e in error.value.diagnostics
+    )
+    return "\n".join([SAY + sentence, *lines]) + "\n"
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize(("kind", "told"), [("good", understood), ("bad", refused)])
+def test_what_each_cell_makes_of_its_sentences(
+    cell: str,
+    kind: str,
+    told: Callable[[Problem | Domain, str], str],
+    golden: Callable[[str, str], None],
+) -> None:
+    target, listed = CELLS[cell](), sentences(cell, kind)
+    assert len(set(listed)) == len(listed) >= 30
+    golden(f"sets/{cell}_{kind}.txt", "".join(told(target, each) for each in listed))
