@@ -15,7 +15,10 @@ from engine.stages.sequencing.limits import Limits
 
 Answer = Tour | Infeasible | GaveUp
 Solve = Callable[[TourProblem, Limits, str], Answer]
-AT_ONCE, TOGETHER = 300, 1200  # visits whose phases are bounded together: always, and where time is given to bounds
+AT_ONCE, TOGETHER = (
+    300,
+    1200,
+)  # visits whose phases are bounded together: always, and where time is given to bounds
 QUICK = 1  # kicks of a search that is made for its bound
 
 
