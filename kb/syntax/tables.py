@@ -20,7 +20,7 @@ def parser(grammar: Path, starts: Sequence[str]) -> Lark:
     """The parser of a grammar: from the tables that were made ahead, if they belong to it."""
     text = grammar.read_text("utf-8")
     made = _made(text, starts)
-    return built(text, starts) if made is None else Lark._load_from_dict(made["data"], made["memo"])
+    return built(text, starts) if made is None else Lark._load_from_dict(made["data"], made["memo"])  # type: ignore[no-untyped-call]
 
 
 def built(grammar: str, starts: Sequence[str]) -> Lark:

@@ -158,7 +158,7 @@ def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "
     from engine.pipelines import objective
     from engine.pipelines.poses.planning import plan_with_poses
     from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures.view import cell_of
+    from kb.loader.cell import cell_of
 
     cell, backend = cell_of(asked.target), geometry_backend()
     return plan_with_poses(

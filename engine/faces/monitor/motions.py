@@ -83,7 +83,7 @@ def further(store: str, run: str, target: Target, since: int, until: int) -> tup
 def _retraced(store: str, run: str, target: Target) -> tuple[Follower, Retracing, list[Taken]]:
     from engine.pipelines.planning import problem_of
     from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures.view import cell_of
+    from kb.loader.cell import cell_of
 
     problem, cell = problem_of(*target), cell_of(target[0])
     return Follower(store, run), Retracing.of(problem, cell, geometry_backend()), []

@@ -11,9 +11,9 @@ from engine.pipelines.execution.retracing import Resting, Taken, world_during
 from engine.plugins import geometry_backend
 from engine.stages.geometry.pictures import stl
 from engine.stages.geometry.pictures.surfaces import KINDS, kind_of
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.world.model import World
+from kb.loader.cell import cell_of
 from kb.model.cell import Cell, Place, Placement
 from kb.terms import Atom
 
