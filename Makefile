@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow long check golden bench fuzz mutation wheel clean
+.PHONY: demo test slow laws long check golden bench fuzz mutation wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -21,12 +21,19 @@ demo: $(VENV)/ready
 	$(BIN)/cellwright plan bulkhead/twelve_points --stats
 	$(BIN)/cellwright run themse --command "$(SENTENCE)" --fault "pick#3=not_gripped" --watch --store .venv/demo.db
 
+# Python keeps what it has read of the tests, whatever the shell says: the next run starts sooner.
+test slow laws long check: export PYTHONDONTWRITEBYTECODE :=
+
 test: $(VENV)/ready
 	$(BIN)/python -m compileall -q kb engine
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
 slow: $(VENV)/ready
 	$(BIN)/python -m pytest -m slow
+
+# Laws of the quick suite with all their examples.
+laws: $(VENV)/ready
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "hypothesis and not (slow or long)"
 
 long: $(VENV)/ready
 	$(BIN)/python -m pytest -n auto --dist worksteal -m long

@@ -20,9 +20,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(Costs(), "costs")
-    if "not slow" in config.option.markexpr and not config.getoption("--hypothesis-profile"):
-        settings.register_profile("quick", settings.default, max_examples=QUICK)
-        settings.load_profile("quick")
+    if not config.getoption("--hypothesis-profile"):
+        quick = {"max_examples": QUICK} if "not slow" in config.option.markexpr else {}
+        settings.register_profile("ours", settings.default, deadline=None, **quick)  # no test is timed
+        settings.load_profile("ours")
 
 
 def pytest_collection_finish() -> None:

@@ -54,6 +54,16 @@ PLACEHOLDERS = {
     "SET": "set.json",
 }
 ANSWERS = {0, exits.INFEASIBLE}
+# Others of the same verbs run quickly.
+LONG = (
+    " prepare ",
+    " --folded",
+    " --motion",
+    " assemble ",
+    " watch ",
+    "handey/turning",
+    "run themse/sentence",
+)
 
 
 def written() -> list[str]:
@@ -115,8 +125,8 @@ def filled(line: str) -> str:
 
 
 def timed(line: str) -> object:
-    """A command line to run; it is slow if it prepares a whole cell, folds a long plan or moves the arm in every step."""
-    slow = any(part in line for part in (" prepare ", " --folded", " --motion"))
+    """A command line to run; it is slow if it does much: a whole cell, a long plan, an assembly, an arm in every step."""
+    slow = any(part in line for part in LONG)
     return pytest.param(line, marks=pytest.mark.slow) if slow else line
 
 

@@ -33,7 +33,9 @@ STEPS = {
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file with a plan for three bottles, made by the command that people type."""
     file = tmp_path_factory.mktemp("plans") / "plan.json"
-    file.write_text(CliRunner().invoke(app, ["plan", THREE, "--format", "json"]).stdout, "utf-8")
+    file.write_text(
+        CliRunner().invoke(app, ["plan", THREE, "--objective", "cost", "--format", "json"]).stdout, "utf-8"
+    )
     return file
 
 

@@ -23,7 +23,6 @@ from kb.model.problem import Problem
 from kb.numbers import is_count
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
-SAYS_NOTHING = (CommandKind.WAIT, CommandKind.CONTINUE)
 
 
 @dataclass(frozen=True, slots=True)

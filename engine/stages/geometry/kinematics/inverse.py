@@ -88,7 +88,7 @@ class InverseKinematics:
         else:
             found = self._held(poses, self.redundant, self._values(self.redundant, redundancy))
         found.q[~found.valid] = 0.0
-        return found if rigid.all() else Branches(found.q, found.valid & rigid[:, None])
+        return found if rigid is None or rigid.all() else Branches(found.q, found.valid & rigid[:, None])
 
     def _values(self, joint: int, redundancy: Floats | None) -> Floats:
         """The values of the joint that is held."""
@@ -118,7 +118,7 @@ class InverseKinematics:
         q, residual = self._closed(poses)
         near = residual > EXACT / 10
         near &= residual < NEARLY
-        if near.any():
+        if np.count_nonzero(near):  # ten times as fast as `any` for a single pose
             rows = np.nonzero(near)
             q[rows] = polished(self.model, poses[rows[0]], q[rows])
             residual[rows] = missed(self.model, poses[rows[0]], q[rows])
@@ -130,8 +130,8 @@ class InverseKinematics:
         return _closed(self.form, np.ascontiguousarray(matmul(poses, self._T_flange_zero)))
 
 
-def _finite(T_base_flange: Floats) -> tuple[Floats, Truths]:
-    """The poses (n, 4, 4), the identity in the place of what is no number, and which are homogeneous matrices (n,)."""
+def _finite(T_base_flange: Floats) -> tuple[Floats, Truths | None]:
+    """The poses (n, 4, 4), the identity in the place of what is no number, and which are homogeneous matrices (n,); None: all."""
     poses = np.ascontiguousarray(T_base_flange, dtype=float)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise ValueError(f"poses must be (n, 4, 4), not {poses.shape}")
@@ -142,15 +142,16 @@ def _finite(T_base_flange: Floats) -> tuple[Floats, Truths]:
         poses[endless, 3, 3] = 0.0
     last = poses[:, 3]
     if last.tobytes() == LAST_ROW * len(poses):  # the usual case, seen quickly
-        return poses, np.ones(len(poses), dtype=bool)
+        return poses, None
     return poses, (last == HOMOGENEOUS).all(axis=1)
 
 
-def _rigid(poses: Floats, known: Truths) -> tuple[Floats, Truths]:
+def _rigid(poses: Floats, known: Truths | None) -> tuple[Floats, Truths]:
     """The same for a search; closed forms find by themselves that a matrix is no rotation."""
     R = poses[:, :3, :3]
     off = np.abs(matmul(R, np.swapaxes(R, 1, 2)) - np.eye(3)).max(axis=(1, 2))
-    rigid: Truths = known & (off < RIGID) & (np.linalg.det(R) > 0)
+    rigid: Truths = (off < RIGID) & (np.linalg.det(R) > 0)
+    rigid &= True if known is None else known
     return np.where(rigid[:, None, None], poses, np.eye(4)), rigid
 
 

@@ -6,6 +6,8 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -62,15 +64,17 @@ REFUSED = {
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the files of all jobs."""
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with the files of all jobs; no run goes on anywhere."""
     folder = tmp_path_factory.mktemp("desks") / "desk"
     create(folder / "mine")
     (folder / "square.tsp").write_text(SQUARE)
     (folder / "points.csv").write_text("name,x,y,z,nx,ny,nz\na,0,0,0,0,0,1\nb,9,0,0,0,0,1\n")
     plan = ("plan", "bulkhead/one_point", "--store", str(folder / "known.db"), "--format", "json")
     (folder / "plan.json").write_text(CliRunner().invoke(app, plan).stdout)
-    return folder
+    with tempfile.TemporaryDirectory() as running, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", running)  # a short name: sockets have room for no other
+        yield folder
 
 
 @pytest.fixture(scope="module")

@@ -62,6 +62,17 @@ def five() -> Built:
     return made
 
 
+def test_two_parts_are_built_one_upon_the_other() -> None:
+    made, _ = assemble(related(FIVE, "floor_plate", "wall_1"), DOMAIN, "base")
+    assert isinstance(made, Built)
+    assert [move.part for move, _ in made.moves] == ["floor_plate", "wall_1"]
+    legs = [leg for _, carries in made.moves for each in carries for leg in each.legs]
+    assert all(leg.proved for leg in legs)
+    assert all(np.array_equal(a.path[-1], b.path[0]) for a, b in pairwise(legs))
+    assert check_plan(made.problem, made.plan) == []
+
+
+@pytest.mark.slow
 def test_five_parts_are_built_in_an_order_that_geometry_allows(five: Built) -> None:
     order = [move.part for move, _ in five.moves]
     assert sorted(order) == ["floor_plate", "knob", "lid", "wall_1", "wall_2"]
@@ -70,11 +81,13 @@ def test_five_parts_are_built_in_an_order_that_geometry_allows(five: Built) -> N
     assert all(leg.proved for _, carries in five.moves for each in carries for leg in each.legs)
 
 
+@pytest.mark.slow
 def test_each_move_begins_where_the_one_before_it_ended(five: Built) -> None:
     legs = [leg for _, carries in five.moves for each in carries for leg in each.legs]
     assert all(np.array_equal(a.path[-1], b.path[0]) for a, b in pairwise(legs))
 
 
+@pytest.mark.slow
 def test_the_plan_stands_with_all_that_was_learned(five: Built) -> None:
     assert five.obstacles
     assert check_plan(five.problem, five.plan) == []
@@ -82,6 +95,7 @@ def test_the_plan_stands_with_all_that_was_learned(five: Built) -> None:
     assert len(naive.statics) == 0
 
 
+@pytest.mark.slow
 def test_a_lid_waits_for_what_carries_it(five: Built) -> None:
     world = five.site.world
     goals = {part: world.pose("world", "base") @ T for part, T in five.goal.poses.items() if part != "base"}

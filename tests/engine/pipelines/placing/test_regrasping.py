@@ -47,6 +47,7 @@ def regrasps_of(scene: Scene) -> int:
     return len(found.carries) - 1
 
 
+@pytest.mark.slow
 def test_the_bundled_wheel_is_turned_over_with_three_regrasps() -> None:
     assert regrasps_of(SCENE) == 3
 

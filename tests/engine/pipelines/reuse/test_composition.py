@@ -43,6 +43,7 @@ def answer(problem: Problem, folder: Path, limits: Limits = ROUGH) -> Answered:
         return practice.plan(problem)
 
 
+@pytest.mark.slow
 def test_four_probes_are_four_instances_of_what_two_taught(tmp_path: Path) -> None:
     problem = bundled("themse/four")
     answered = answer(problem, tmp_path)
