@@ -103,7 +103,7 @@ def test_an_operators_walk(open_page: Open, site: str) -> None:
     at(page, "phase", has_text="handling").wait_for()
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_after_the_network_was_cut_no_event_is_lost_or_shown_twice(
     open_page: Open, site: str, folder: Path
 ) -> None:
