@@ -32,10 +32,19 @@ BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(fin
 PANTRY = Path(__file__).parent / "pantry"
 LONG = {"twelve_points", "four", "never"}  # planned by others in more than a few seconds
 FIRST = Limits(room=None, restarts=0, improvement=0)  # any plan will do
+QUANTIFIED = {"centrifuge"}  # domains whose numbers our export does not write
 TARGETS = [
     pytest.param(file, marks=[pytest.mark.slow] if file.stem in LONG else [])
     for file in (*BUNDLED, *sorted(TESTED.glob("*/problems/*.yaml")), *sorted(PANTRY.glob("problems/*.yaml")))
+    if file.parents[1].name not in QUANTIFIED
 ]
+
+
+def test_a_quantity_is_not_written_as_pddl() -> None:
+    problem = planning.problem_of(str(TESTED / "centrifuge" / "problems" / "eight.yaml"))
+    with pytest.raises(InvalidInput) as caught:
+        export(problem, ground(problem))
+    assert [each.code for each in caught.value.diagnostics] == ["K802"]
 
 
 def reread(text: PddlText, folder: Path) -> PddlProblem:
