@@ -11,8 +11,9 @@ from kb.loader.names import Names
 from kb.loader.numeric import Changes, refuse_quantity, with_values
 from kb.loader.quantities import child
 from kb.loader.reader import Expression, Reader
-from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
-from kb.model.conditions import And, Condition, Parameter, free_variables, goal_parts
+from kb.loader.safety import occurrences, refuse_unbound, warn_singletons
+from kb.model.bindings import closed, extended, free_variables
+from kb.model.conditions import And, Condition, Parameter, goal_parts
 from kb.model.domain import Command, Effect, Kind, Look, Operator
 from kb.terms import ANYTHING, Atom, Function, Term, Variable, variables
 

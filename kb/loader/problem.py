@@ -13,7 +13,8 @@ from kb.loader.operators import READABLE
 from kb.loader.reader import Expression, Findings, Reader
 from kb.loader.tree import Node
 from kb.loader.workflow import read_chains
-from kb.model.conditions import TRUE, And, Condition, free_variables
+from kb.model.bindings import free_variables
+from kb.model.conditions import TRUE, And, Condition
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, is_ground, variables

@@ -1,7 +1,6 @@
-"""Variables without a value (an error: numbers, times and texts cannot be enumerated) or used only once (a warning).
+"""Reports variables without a value (an error: numbers, times and texts cannot be enumerated), and warns of variables used only once.
 
-See Meaning 2 in the language reference. These bind a variable: a type whose values can be enumerated, a positive atom, an
-event that a workflow names, or an equation whose other side is bound.
+See Meaning 2 in the language reference. What binds a variable is said in `kb.model.bindings`.
 """
 
 from collections import Counter
@@ -10,56 +9,16 @@ from collections.abc import Collection, Iterable, Iterator
 from kb.diagnostics import nearest
 from kb.loader.names import Names
 from kb.loader.reader import Expression
+from kb.model.bindings import free_variables
 from kb.model.conditions import (
     Aggregate,
     Comparison,
     Condition,
     Literal,
-    Parameter,
     conditions,
-    free_variables,
     part_variables,
 )
-from kb.model.domain import UNLISTED
-from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
-
-
-def binding(term: Term) -> Iterator[Variable]:
-    """The variables that a positive atom binds: those that are not inside arithmetic."""
-    match term:
-        case Variable():
-            yield term
-        case Function(_, arguments):
-            for argument in arguments:
-                yield from binding(argument)
-        case _:
-            return
-
-
-def extended(parameters: Iterable[Parameter]) -> set[Variable]:
-    """The parameters whose type has values that can be enumerated."""
-    return {parameter.variable for parameter in parameters if parameter.type not in UNLISTED}
-
-
-def closed(bound: Collection[Variable], parts: Iterable[Condition]) -> set[Variable]:
-    """`bound`, and the variables that positive atoms, equations and counted sets among `parts` bind."""
-    parts, found = tuple(parts), set(bound)
-    for part in parts:
-        match part:
-            case Literal(atom, True):
-                found.update(binding(atom))
-            case Aggregate(binds=Variable() as counted):
-                found.add(counted)
-    equations = [part for part in parts if isinstance(part, Comparison) and part.relation == "="]
-    while more := {variable for each in equations for variable in _solved(each, found)} - found:
-        found |= more
-    return found
-
-
-def _solved(equation: Comparison, bound: set[Variable]) -> Iterator[Variable]:
-    for one, other in ((equation.left, equation.right), (equation.right, equation.left)):
-        if bound.issuperset(variables(one)):
-            yield from binding(other)
+from kb.terms import ANYTHING, Function, Operation, Variable, variables
 
 
 def refuse_unbound(

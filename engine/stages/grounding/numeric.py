@@ -16,19 +16,8 @@ from engine.stages.grounding.numbering import Numbering
 from engine.stages.grounding.universe import Universe
 from kb.arithmetic import evaluate_atom
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.conditions import (
-    And,
-    Body,
-    Comparison,
-    Condition,
-    Exists,
-    ForAll,
-    Literal,
-    Not,
-    Or,
-    free_variables,
-    goal_parts,
-)
+from kb.model.bindings import free_variables
+from kb.model.conditions import And, Body, Comparison, Condition, Exists, ForAll, Literal, Not, Or, goal_parts
 from kb.model.domain import Domain, Operator
 from kb.model.problem import Problem
 from kb.terms import (
