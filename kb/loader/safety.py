@@ -5,6 +5,7 @@ See Meaning 2 in the language reference. What binds a variable is said in `kb.mo
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
+from typing import Any
 
 from kb.diagnostics import nearest
 from kb.loader.names import Names
@@ -18,7 +19,7 @@ from kb.model.conditions import (
     conditions,
     part_variables,
 )
-from kb.terms import ANYTHING, Function, Operation, Variable, variables
+from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
 
 
 def refuse_unbound(
@@ -86,3 +87,16 @@ def warn_singletons(
 def body_variables(body: Iterable[Condition]) -> tuple[Variable, ...]:
     """The free variables of a body, each once."""
     return tuple(dict.fromkeys(variable for part in body for variable in free_variables(part)))
+
+
+def free_in(value: Any) -> Iterable[Variable]:
+    """The free variables of a tuple of atoms, terms or conditions."""
+    for part in value if isinstance(value, tuple) else (value,):
+        yield from variables(part) if isinstance(part, Term) else free_variables(part)
+
+
+def refuse_anything(expression: Expression, name: str, names: Names) -> None:
+    """Report `_` where it cannot be used, because it has no value."""
+    if ANYTHING in free_in(expression.value):
+        hint = "name a variable that something binds"
+        names.findings.add(expression.place(ANYTHING), "K105", f"'_' cannot be used in `{name}`", hint)
