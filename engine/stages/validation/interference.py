@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State
-from engine.stages.validation.datalog import Bindings, Facts, holds
+from engine.stages.validation.datalog import Bindings, holds
+from engine.stages.validation.facts import Facts
 from engine.stages.validation.precedence import Precedence
 from engine.stages.validation.semantics import Semantics
 from kb.model.bindings import bind
