@@ -4,18 +4,12 @@ from collections.abc import Iterable, Sequence
 
 from kb.diagnostics import Source
 from kb.loader.inference import Typing
-from kb.loader.names import Names
+from kb.loader.names import CHANGEABLE, Names
 from kb.loader.numeric import refuse_quantity
-from kb.loader.operators import CHANGEABLE, narrowed, refuse_anything
+from kb.loader.operators import narrowed
 from kb.loader.reader import Expression, Reader
-from kb.loader.safety import (
-    body_variables,
-    closed,
-    extended,
-    occurrences,
-    refuse_unbound,
-    warn_singletons,
-)
+from kb.loader.safety import body_variables, occurrences, refuse_anything, refuse_unbound, warn_singletons
+from kb.model.bindings import closed, extended
 from kb.model.conditions import Body, Literal
 from kb.model.domain import Consequence, DeductiveOperator, Default, Kind
 from kb.terms import ANYTHING, Function, Variable, variables

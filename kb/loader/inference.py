@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable
 from kb.diagnostics import nearest, unknown_name
 from kb.loader.names import Names, miscounted
 from kb.loader.reader import Expression
+from kb.model.bindings import free_variables
 from kb.model.conditions import (
     Aggregate,
     And,
@@ -20,7 +21,6 @@ from kb.model.conditions import (
     Not,
     Or,
     Parameter,
-    free_variables,
 )
 from kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
 from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables

@@ -18,6 +18,9 @@ from kb.model.domain import (
 )
 from kb.terms import Atom, Function
 
+READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
+CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
+
 
 @dataclass
 class Names:

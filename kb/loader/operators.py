@@ -4,20 +4,19 @@ from collections.abc import Iterable
 from typing import Any
 
 from kb.diagnostics import nearest, unknown_name
+from kb.loader.conditional import CHANGES, ConditionalEffects, infer_changed
 from kb.loader.counted import Counted
+from kb.loader.devices import DeviceReader
 from kb.loader.inference import Typing, scoped
 from kb.loader.measures import MeasureReader
-from kb.loader.names import Names
-from kb.loader.numeric import Changes, refuse_quantity, with_values
-from kb.loader.quantities import child
+from kb.loader.names import READABLE, Names
+from kb.loader.numeric import Changes, with_values
 from kb.loader.reader import Expression, Reader
-from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
-from kb.model.conditions import And, Condition, Parameter, free_variables, goal_parts
-from kb.model.domain import Command, Effect, Kind, Look, Operator
-from kb.terms import ANYTHING, Atom, Function, Term, Variable, variables
-
-READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
-CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
+from kb.loader.safety import free_in, occurrences, refuse_anything, refuse_unbound, warn_singletons
+from kb.model.bindings import closed, extended, free_variables
+from kb.model.conditions import And, Condition, Parameter, goal_parts
+from kb.model.domain import Effect, Kind, Operator
+from kb.terms import ANYTHING, Function, Term, Variable, variables
 
 
 def read_operators(reader: Reader, names: Names) -> tuple[Operator, ...]:
@@ -58,6 +57,8 @@ class _OperatorReader:
         self.fields: dict[str, Expression | None] = {}
         self.measures = MeasureReader(reader, names, self.path)
         self.changes = Changes(reader, names, self.path)
+        self.conditional = ConditionalEffects(reader, names, self.path, header)
+        self.device = DeviceReader(reader, names, self.path, header)
 
     def read(self) -> Operator:
         for name, start in _FIELDS.items():
@@ -81,8 +82,8 @@ class _OperatorReader:
             resources=self._resources(),
             duration=self._value("duration", None),
             cost=self._value("cost", None),
-            command=self._command(),
-            online=tuple(self._online()),
+            command=self.device.command(self.measures),
+            online=tuple(self.device.looks(self.typing)),
             where=self.header.node.where,
         )
         self._warn(operator)
@@ -126,32 +127,21 @@ class _OperatorReader:
         return default if expression is None else expression.value
 
     def _infer(self) -> None:
-        known = [*self.header.value.arguments, *_variables_of(self._value("where", ()))]
+        known = [*self.header.value.arguments, *free_in(self._value("where", ()))]
         narrowed(self.reader, self.names, self.typing, self.path, known)
         for name, kinds in _CONDITIONS.items():
             if expression := self.fields[name]:
                 self.typing.condition(And(expression.value), expression, kinds)
-        for name, kinds in _CHANGES.items():
+        for name in CHANGES:
             if expression := self.fields[name]:
-                for atom in expression.value:
-                    self.typing.atom(atom, expression, kinds)
-                    refuse_quantity(atom, expression, self.names)
+                infer_changed(self.typing, expression, name, self.names)
         for name, type_ in _NUMBERS.items():
             if expression := self.fields[name]:
                 Counted(self.names, self.typing, name, type_, expression).check()
         self.measures.infer(self.typing)
         self.changes.infer(self.typing)
-        self._infer_from_events()
+        self.conditional.infer(self.typing)
         self._check_header()
-
-    def _infer_from_events(self) -> None:
-        """Narrow the types of the header's variables by the events in conditional effects, where nothing else does."""
-        for atom in self._added_under_conditions():
-            predicate = self.names.predicates.get(atom.name)
-            if predicate is not None and predicate.kind is Kind.EVENT:
-                for argument, type_ in zip(atom.arguments, predicate.arguments, strict=False):
-                    if isinstance(argument, Variable) and argument in self.header.value.arguments:
-                        self.typing.weak.setdefault(argument, type_)
 
     def _check_header(self) -> None:
         header = self.header.value.arguments
@@ -166,7 +156,7 @@ class _OperatorReader:
         known = {*self.header.value.arguments, ANYTHING}
         for name in _OUTSIDE_WHERE:
             if expression := self.fields[name]:
-                for variable in dict.fromkeys(_variables_of(expression.value)):
+                for variable in dict.fromkeys(free_in(expression.value)):
                     if variable not in known:
                         hint = nearest(str(variable), [str(each) for each in known])
                         hint = hint or f"add it to the header {self.header.value}"
@@ -192,7 +182,7 @@ class _OperatorReader:
         body, precondition = self._value("where", ()), self._value("preconditions", ())
         events = [
             atom
-            for atom in (*self._value("adds", ()), *self._added_under_conditions())
+            for atom in (*self._value("adds", ()), *self.conditional.added())
             if (predicate := self.names.predicates.get(atom.name)) and predicate.kind is Kind.EVENT
         ]
         given = extended(parameters) | {v for atom in events for v in variables(atom)}
@@ -213,89 +203,10 @@ class _OperatorReader:
         return And((*goal_parts(found), *more)) if more else found
 
     def _effects(self, parameters: tuple[Parameter, ...]) -> Iterable[Effect]:
-        for name in ("adds", "deletes"):
+        for name in CHANGES:
             yield from (Effect(atom, name == "adds") for atom in self._value(name, ()))
-        for index, _ in enumerate(self.reader.items(*self.path, "effects")):
-            yield from self._conditional(index, parameters)
+        yield from self.conditional.read(self.typing, parameters)
         yield from self.changes.effects()
-
-    def _conditional(self, index: int, parameters: tuple[Parameter, ...]) -> Iterable[Effect]:
-        when = self.reader.expression("conditions", *self.path, "effects", index, "when")
-        if when is None:
-            return
-        when = scoped(with_values(when, self.names), self.header.value.arguments)
-        typing = self.typing.nested()
-        typing.condition(And(when.value), when, READABLE)
-        changes = {
-            name: self.reader.expression("atoms", *self.path, "effects", index, name)
-            for name in ("adds", "deletes")
-        }
-        for name, changed in changes.items():
-            if changed:
-                refuse_anything(changed, name, self.names)
-                for atom in changed.value:
-                    typing.atom(atom, changed, _CHANGES[name])
-                    refuse_quantity(atom, changed, self.names)
-        if not any(changes.values()):
-            hint = "say what it `adds` or `deletes`"
-            self.names.findings.add(when.node.where, "K114", "this effect changes nothing", hint)
-        condition = typing.quantified(And(when.value), when)
-        known = {parameter.variable for parameter in parameters}
-        for name, changed in changes.items():
-            for atom in changed.value if changed else ():
-                used = [*free_variables(condition), *variables(atom)]
-                local = [v for v in dict.fromkeys(used) if v not in known and v != ANYTHING]
-                own = typing.parameters(local, changed if changed and local else when)
-                bound = closed(extended(own) | known, when.value)
-                refuse_unbound(local, bound, when, self.names, "use it in an atom of `when:`")
-                yield Effect(atom, name == "adds", own, condition)
-
-    def _online(self) -> Iterable[Look]:
-        """What is looked at when a step is carried out: one fact that its arguments determine."""
-        for index, node in enumerate(self.reader.items(*self.path, "online")):
-            said = self.reader.expression("atoms", *self.path, "online", index, "fact")
-            if said is None:
-                continue
-            strangers = [v for v in variables(said.value[0]) if v not in self.header.value.arguments]
-            if strangers or len(said.value) > 1:
-                message = f"`online` looks at one fact about the variables of {self.header.value}"
-                hint = "write an entry for each fact"
-                self.names.findings.add(said.node.where, "K105", message, hint)
-                continue
-            self.typing.nested().atom(said.value[0], said, READABLE)
-            during = child(node, "during")
-            yield Look(said.value[0], during is not None and during.value == "true")
-
-    def _added_under_conditions(self) -> Iterable[Atom]:
-        for index, _ in enumerate(self.reader.items(*self.path, "effects")):
-            added = self.reader.expression("atoms", *self.path, "effects", index, "adds")
-            yield from added.value if added else ()
-
-    def _command(self) -> Command | None:
-        read = {
-            name: self.reader.expression("term", *self.path, "command", name)
-            for name in ("stream", "reply", "result")
-        }
-        stream, reply, result = read["stream"], read["reply"], read["result"]
-        if stream is None:
-            return None
-        known = {*self.header.value.arguments, *(variables(reply.value) if reply else ())}
-        for expression in filter(None, (stream, result)):
-            for variable in variables(expression.value):
-                if variable not in known:
-                    message = f"the variable {variable} is neither in the header nor in the reply"
-                    hint = nearest(str(variable), [str(each) for each in known])
-                    hint = hint or "let the reply bind it: `reply: value(Val)`"
-                    self.names.findings.add(expression.place(variable), "K105", message, hint)
-        measures = self.measures.read(
-            self.header.value.name, self.header.value.arguments, reply.value if reply else None
-        )
-        return Command(
-            stream.value,
-            reply.value if reply else Function("done"),
-            result.value if result else None,
-            measures,
-        )
 
 
 _FIELDS = {
@@ -307,27 +218,7 @@ _FIELDS = {
 _OUTSIDE_WHERE = ("preconditions", "adds", "deletes", "resources", "duration", "cost")
 _UNBOUND_HINT = "read it from a static in `where:`, or add an event whose workflow stage names it"
 _CONDITIONS: dict[str, tuple[Kind, ...]] = {"where": (Kind.STATIC,), "preconditions": READABLE}
-_CHANGES: dict[str, tuple[Kind, ...]] = {"adds": CHANGEABLE, "deletes": (Kind.FLUENT,)}
 _NUMBERS = {"duration": "time", "cost": "int"}
-
-
-def _variables_of(value: Any) -> Iterable[Variable]:
-    """The free variables of a tuple of atoms, terms or conditions."""
-    for part in value if isinstance(value, tuple) else (value,):
-        match part:
-            case Function() | Variable():
-                yield from variables(part)
-            case _ if isinstance(part, Term):
-                yield from variables(part)
-            case _:
-                yield from free_variables(part)
-
-
-def refuse_anything(expression: Expression, name: str, names: Names) -> None:
-    """Report `_` where it cannot be used, because it has no value."""
-    if ANYTHING in _variables_of(expression.value):
-        hint = "name a variable that something binds"
-        names.findings.add(expression.place(ANYTHING), "K105", f"'_' cannot be used in `{name}`", hint)
 
 
 def narrowed(

@@ -7,13 +7,13 @@ from kb.diagnostics import unknown_name
 from kb.loader.command import commanded
 from kb.loader.declarations import read_objects
 from kb.loader.inference import Typing, has_arithmetic, scoped
-from kb.loader.names import Names
+from kb.loader.names import READABLE, Names
 from kb.loader.numeric import with_values
-from kb.loader.operators import READABLE
 from kb.loader.reader import Expression, Findings, Reader
 from kb.loader.tree import Node
 from kb.loader.workflow import read_chains
-from kb.model.conditions import TRUE, And, Condition, free_variables
+from kb.model.bindings import free_variables
+from kb.model.conditions import TRUE, And, Condition
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, is_ground, variables

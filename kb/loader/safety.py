@@ -1,65 +1,25 @@
-"""Variables without a value (an error: numbers, times and texts cannot be enumerated) or used only once (a warning).
+"""Reports variables without a value (an error: numbers, times and texts cannot be enumerated), and warns of variables used only once.
 
-See Meaning 2 in the language reference. These bind a variable: a type whose values can be enumerated, a positive atom, an
-event that a workflow names, or an equation whose other side is bound.
+See Meaning 2 in the language reference. What binds a variable is said in `kb.model.bindings`.
 """
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
+from typing import Any
 
 from kb.diagnostics import nearest
 from kb.loader.names import Names
 from kb.loader.reader import Expression
+from kb.model.bindings import free_variables
 from kb.model.conditions import (
     Aggregate,
     Comparison,
     Condition,
     Literal,
-    Parameter,
     conditions,
-    free_variables,
     part_variables,
 )
-from kb.model.domain import UNLISTED
 from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
-
-
-def binding(term: Term) -> Iterator[Variable]:
-    """The variables that a positive atom binds: those that are not inside arithmetic."""
-    match term:
-        case Variable():
-            yield term
-        case Function(_, arguments):
-            for argument in arguments:
-                yield from binding(argument)
-        case _:
-            return
-
-
-def extended(parameters: Iterable[Parameter]) -> set[Variable]:
-    """The parameters whose type has values that can be enumerated."""
-    return {parameter.variable for parameter in parameters if parameter.type not in UNLISTED}
-
-
-def closed(bound: Collection[Variable], parts: Iterable[Condition]) -> set[Variable]:
-    """`bound`, and the variables that positive atoms, equations and counted sets among `parts` bind."""
-    parts, found = tuple(parts), set(bound)
-    for part in parts:
-        match part:
-            case Literal(atom, True):
-                found.update(binding(atom))
-            case Aggregate(binds=Variable() as counted):
-                found.add(counted)
-    equations = [part for part in parts if isinstance(part, Comparison) and part.relation == "="]
-    while more := {variable for each in equations for variable in _solved(each, found)} - found:
-        found |= more
-    return found
-
-
-def _solved(equation: Comparison, bound: set[Variable]) -> Iterator[Variable]:
-    for one, other in ((equation.left, equation.right), (equation.right, equation.left)):
-        if bound.issuperset(variables(one)):
-            yield from binding(other)
 
 
 def refuse_unbound(
@@ -127,3 +87,16 @@ def warn_singletons(
 def body_variables(body: Iterable[Condition]) -> tuple[Variable, ...]:
     """The free variables of a body, each once."""
     return tuple(dict.fromkeys(variable for part in body for variable in free_variables(part)))
+
+
+def free_in(value: Any) -> Iterable[Variable]:
+    """The free variables of a tuple of atoms, terms or conditions."""
+    for part in value if isinstance(value, tuple) else (value,):
+        yield from variables(part) if isinstance(part, Term) else free_variables(part)
+
+
+def refuse_anything(expression: Expression, name: str, names: Names) -> None:
+    """Report `_` where it cannot be used, because it has no value."""
+    if ANYTHING in free_in(expression.value):
+        hint = "name a variable that something binds"
+        names.findings.add(expression.place(ANYTHING), "K105", f"'_' cannot be used in `{name}`", hint)

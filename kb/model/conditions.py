@@ -227,11 +227,6 @@ def goal_parts(goal: Condition) -> tuple[Condition, ...]:
     return tuple(part for inner in goal.parts for part in goal_parts(inner))
 
 
-def free_variables(condition: Condition) -> tuple[Variable, ...]:
-    """The variables that no quantifier inside binds, each once, in order of occurrence, without `_`."""
-    return tuple(dict.fromkeys(variable for variable in _free(condition) if variable != ANYTHING))
-
-
 def part_variables(part: BodyPart) -> Iterator[Variable]:
     """The variables of a part of a body, in order, repeated as they repeat."""
     match part:
@@ -280,35 +275,3 @@ def _inner(part: Literal | Comparison, bindings: Substitution) -> Literal | Comp
     if isinstance(part, Literal):
         return Literal(substitute_atom(part.atom, bindings), part.positive)
     return Comparison(substitute(part.left, bindings), part.relation, substitute(part.right, bindings))
-
-
-def _free(condition: Condition) -> Iterator[Variable]:
-    match condition:
-        case Literal() | Comparison() | Aggregate() | StateAggregate():
-            yield from part_variables(condition)
-        case And(parts) | Or(parts):
-            for part in parts:
-                yield from _free(part)
-        case Not(part):
-            yield from _free(part)
-        case Exists(parameters, part) | ForAll(parameters, part):
-            bound = {parameter.variable for parameter in parameters}
-            yield from (variable for variable in _free(part) if variable not in bound)
-
-
-def bind(condition: Condition, bindings: Substitution) -> Condition:
-    """The condition with free variables replaced. A quantified variable hides a binding of the same name."""
-    match condition:
-        case Literal() | Comparison() | Aggregate() | StateAggregate():
-            return substitute_part(condition, bindings)
-        case And(parts) | Or(parts):
-            return type(condition)(tuple(bind(part, bindings) for part in parts))
-        case Not(part):
-            return Not(bind(part, bindings))
-        case Exists(parameters, part) | ForAll(parameters, part):
-            return type(condition)(parameters, bind(part, _outside(bindings, parameters)))
-
-
-def _outside(bindings: Substitution, parameters: tuple[Parameter, ...]) -> dict[Variable, Term]:
-    hidden = {parameter.variable for parameter in parameters}
-    return {variable: value for variable, value in bindings.items() if variable not in hidden}

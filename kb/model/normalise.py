@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from kb.model.bindings import bind, free_variables
 from kb.model.conditions import (
     And,
     BodyPart,
@@ -20,8 +21,6 @@ from kb.model.conditions import (
     Not,
     Or,
     Parameter,
-    bind,
-    free_variables,
 )
 from kb.model.domain import BUILT_IN_TYPES, OBJECT, Rule
 from kb.terms import Function, Variable

@@ -11,17 +11,8 @@ from typing import Any
 from lark import Lark, Token, Transformer, UnexpectedInput, v_args
 from lark.exceptions import VisitError
 
-from kb.model.conditions import (
-    Aggregate,
-    Comparison,
-    Condition,
-    ForAll,
-    Literal,
-    Not,
-    Or,
-    Parameter,
-    free_variables,
-)
+from kb.model.bindings import free_variables
+from kb.model.conditions import Aggregate, Comparison, Condition, ForAll, Literal, Not, Or, Parameter
 from kb.model.statement import Statement
 from kb.plain_terms import plain_terms
 from kb.syntax.checks import ExpressionError, check_brackets, check_size

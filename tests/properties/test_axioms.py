@@ -18,8 +18,9 @@ from engine.model.task import Task
 from engine.pipelines import planning
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits, plan
-from engine.stages.validation.datalog import Facts, solve
+from engine.stages.validation.datalog import solve
 from engine.stages.validation.derivation import Derivation
+from engine.stages.validation.facts import Facts
 from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem

@@ -24,7 +24,8 @@ def resume(
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
 
     def make() -> Answer:
-        from engine.faces.cli.run import Watching, answer_of, default_store
+        from engine.faces.cli.run import answer_of, default_store
+        from engine.faces.cli.supervision import Watching
         from engine.pipelines.execution import resume as go_on
         from engine.stages.planning import Limits
 

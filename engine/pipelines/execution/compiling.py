@@ -1,6 +1,6 @@
 """From a timetable to the program of the executive, and what each of its steps will change in the world model."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
@@ -102,6 +102,15 @@ def compiled(
         dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
     )
     return Compiled(Program(activities, dwells, timed), plan, changes, expects, results)
+
+
+def queued(compiled: Compiled, lookahead: Callable[[str], int]) -> Compiled:
+    """The program with the queues that devices have. `lookahead` tells how many commands a stream takes at once."""
+    program = compiled.program
+    streams = {a.stream for a in program.activities.values() if not a.process}
+    depths = {stream: lookahead(stream) for stream in sorted(streams)}
+    queues = {stream: depth for stream, depth in depths.items() if depth > 1}
+    return replace(compiled, program=replace(program, lookahead=queues))
 
 
 def situation_of(problem: Problem, state: Collection[Atom] | None = None) -> Situation:

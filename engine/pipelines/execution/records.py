@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 from engine.model.cases import Revision
+from engine.model.execution import Finish
 from engine.pipelines.attainment import GivenUp
 from engine.pipelines.execution.adding import wished
 from engine.pipelines.execution.compiling import Compiled
@@ -40,6 +41,18 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "lost": list(scope.lost),
         "blocked": list(map(str, scope.blocked)),
         **({"wishes": wishes} if (wishes := wished(scope.problem)) else {}),
+    }
+
+
+def end_entry(ending: Finish) -> dict[str, Any]:
+    """The end of a run as a record has it."""
+    return {
+        "outcome": ending.outcome,
+        "why": ending.why,
+        "goals": list(ending.goals),
+        "open_goals": list(ending.open_goals),
+        "given_up": [list(each) for each in ending.given_up],
+        "makespan_ms": ending.makespan_ms,
     }
 
 

@@ -1,12 +1,12 @@
 """A whole run: plan, execute, handle exceptions, plan on, until the goals are reached or nothing more can be done."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
 from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.checkpoints import state_of
-from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.compiling import Compiled, queued
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
@@ -15,16 +15,16 @@ from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.progress import EVERY, Turn
 from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import compiled_of, plan_entry, read_atom
+from engine.pipelines.execution.records import compiled_of, end_entry, plan_entry, read_atom
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.reviewing import chosen, reviewed
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.settling import settle
+from engine.pipelines.execution.settling import restore, settle, standing_again
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.revision.remaining import left_over
 from engine.pipelines.simulation import World
 from engine.ports import Driver
-from engine.stages.execution import Program, Running, Standing, standing_of
+from engine.stages.execution import Standing, standing_of
 from engine.stages.planning import Limits
 from kb.model.faults import FaultModel
 from kb.model.plan import StepId
@@ -53,7 +53,7 @@ class Execution:
 
     def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
         """Execute a first plan to the end of the run."""
-        compiled = self._queued(ready.compiled)
+        compiled = queued(ready.compiled, self.driver.lookahead)
         standing = standing_of(compiled.program, self.driver.now_ms(), 1)
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
@@ -69,26 +69,9 @@ class Execution:
         self.added = past.whole is not None
         self.forecast_ms, self.exceptions, self.steps = past.forecast_ms, past.exceptions, past.steps
         assert past.plan is not None
-        compiled = self._queued(compiled_of(past.plan))
-        running = {
-            number: Running(entry["step"], at_ms) for number, (entry, at_ms) in past.under_way().items()
-        }
-        standing = standing_of(
-            compiled.program,
-            self.driver.now_ms(),
-            past.next_number,
-            Phase.RUNNING,
-            past.done,
-            running,
-            past.done,
-        )
-        course = self._course(compiled, standing, past.world)
-        course.plan_number, course.sent = (
-            past.plan_number,
-            {n: (dict(e), at) for n, (e, at) in past.sent.items()},
-        )
-        course.noted, course.since = self.recorder.last, dict(past.since)
-        course.done, course.history = set(past.done), past.history if course.keeps_history else []
+        compiled = queued(compiled_of(past.plan), self.driver.lookahead)
+        course = self._course(compiled, standing_again(compiled, past, self.driver.now_ms()), past.world)
+        restore(course, past)
         handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
         return self.guarded(course, past.scope, handler=handler, past=past)
 
@@ -106,15 +89,6 @@ class Execution:
             every=EVERY,
             measuring=Measuring(self.problem),
         )
-
-    def _queued(self, compiled: Compiled) -> Compiled:
-        """The program with the queues that the driver's devices have."""
-        program = compiled.program
-        streams = {a.stream for a in program.activities.values() if not a.process}
-        depths = {stream: self.driver.lookahead(stream) for stream in sorted(streams)}
-        queues = {stream: depth for stream, depth in depths.items() if depth > 1}
-        made: Program = replace(program, lookahead=queues)
-        return replace(compiled, program=made)
 
     def guarded(
         self,
@@ -222,7 +196,7 @@ class Execution:
     ) -> None:
         """Go on with another plan: with nothing done of it, or from a `standing` in which steps of it are under way."""
         self.steps += len(course.done)
-        compiled = self._queued(found.compiled)
+        compiled = queued(found.compiled, self.driver.lookahead)
         fresh = standing or standing_of(compiled.program, self.driver.now_ms(), course.standing.number)
         running = [[number, each.activity] for number, each in sorted(fresh.running.items())]
         self.recorder.note(
@@ -284,15 +258,7 @@ class Execution:
     def _end(self, course: Course, scope: Scope, outcome: str, why: str) -> Finish:
         self.steps += len(course.done)
         ending = self._ending(course, scope, outcome, why)
-        self.recorder.note(
-            RecordKind.END,
-            outcome=outcome,
-            why=why,
-            goals=list(ending.goals),
-            open_goals=list(ending.open_goals),
-            given_up=[list(each) for each in ending.given_up],
-            makespan_ms=ending.makespan_ms,
-        )
+        self.recorder.note(RecordKind.END, **end_entry(ending))
         course.flush()
         return ending
 

@@ -1,12 +1,14 @@
-"""Settles with the driver what became of the commands that were under way when a run was broken off."""
+"""Takes a run up where its journal ends: its course is restored, and the driver tells what became of commands under way."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from engine.model.execution import Command, CommandKind, Fate, Reply, Report
+from engine.model.execution import Command, CommandKind, Fate, Phase, Reply, Report
+from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.resuming import Content, Past
 from engine.stages import execution as executive
+from engine.stages.execution import Running, Standing, standing_of
 
 
 def settle(course: Course, past: Past) -> None:
@@ -74,3 +76,19 @@ def _command(entry: Content) -> Command:
         tuple(entry.get("looks", ())),
         tuple(entry.get("watches", ())),
     )
+
+
+def standing_again(compiled: Compiled, past: Past, now_ms: int) -> Standing:
+    """Where the last plan of a run stood when its journal ended: what was done, and what was under way."""
+    running = {number: Running(entry["step"], at_ms) for number, (entry, at_ms) in past.under_way().items()}
+    return standing_of(
+        compiled.program, now_ms, past.next_number, Phase.RUNNING, past.done, running, past.done
+    )
+
+
+def restore(course: Course, past: Past) -> None:
+    """Give a course what the journal of its run holds: the plan's number, commands without a reply, steps that are done."""
+    course.plan_number = past.plan_number
+    course.sent = {number: (dict(entry), at_ms) for number, (entry, at_ms) in past.sent.items()}
+    course.noted, course.since = course.recorder.last, dict(past.since)
+    course.done, course.history = set(past.done), past.history if course.keeps_history else []

@@ -7,7 +7,8 @@ from functools import cached_property, lru_cache
 from engine.model.task import Task
 from engine.stages.grounding import ground
 from engine.stages.validation.changes import Change, Denial, State
-from engine.stages.validation.datalog import Facts, holds, solve
+from engine.stages.validation.datalog import holds, solve
+from engine.stages.validation.facts import Facts
 from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import Literal, StateAggregate, goal_parts
 from kb.model.problem import Problem

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from engine.stages.scheduling.work import Wishes
-from engine.stages.validation.datalog import Facts
+from engine.stages.validation.facts import Facts
 from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.amounts import Amounts, NoAmount, travels_itself

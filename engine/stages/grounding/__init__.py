@@ -5,38 +5,28 @@ Python makes bitsets of them.
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass
 
-from engine.model.task import Bits, Task, bitset, indices
+from engine.model.task import Bits, GroundOperator, Task, bitset
 from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.ambiguity import ambiguities
 from engine.stages.grounding.batches import Batches
-from engine.stages.grounding.closure import Deduction, deduction
+from engine.stages.grounding.closure import deduction
 from engine.stages.grounding.derived import Rules, Supports, supports_of
+from engine.stages.grounding.diagnostics import amiss, contradictions, violations
 from engine.stages.grounding.diagrams import decide
 from engine.stages.grounding.goals import Goals, layered
 from engine.stages.grounding.initial import default_instances as default_instances
 from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.instances import Instances
+from engine.stages.grounding.instances import Doubt, Instances
 from engine.stages.grounding.invariants import mutex_groups
 from engine.stages.grounding.layers import axioms
+from engine.stages.grounding.levels import Numbers, with_tests
 from engine.stages.grounding.limits import suspects
 from engine.stages.grounding.numbering import DERIVED, Numbering, complemented
-from engine.stages.grounding.numeric import COMPARED, Numbers, with_tests, without_quantities
-from engine.stages.grounding.program import (
-    Schema,
-    Vocabulary,
-    conditional_body,
-    conditionals,
-    deduction_rules,
-    derived_rule,
-    effect_rules,
-    instance,
-    instance_rule,
-    reachable,
-    rule,
-    schemas,
-)
+from engine.stages.grounding.numeric import COMPARED, without_quantities
+from engine.stages.grounding.program import Vocabulary, conditionals, instance, rule, schemas
+from engine.stages.grounding.reachability import Reachability
 from engine.stages.grounding.rows import (
     conditional_changes,
     derivations,
@@ -50,16 +40,14 @@ from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
 from kb.asp import Grounder
 from kb.asp.statics import try_first, within_limits
-from kb.asp.vocabulary import VIOLATED, static_program
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.loader.amounts import amounts_of
 from kb.model.conditions import Literal, goal_parts
 from kb.model.domain import Rule
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
-from kb.model.statement import Statement
 from kb.model.workflow import Listed, holding
-from kb.terms import Atom, Function, Number
+from kb.terms import Atom, Function
 
 
 def ground(problem: Problem) -> Task:
@@ -117,6 +105,17 @@ def _no_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
+@dataclass(frozen=True, slots=True)
+class _Compiled:
+    """Operators, start and goals over numbered `atoms`. Derived atoms and complements are not among them yet."""
+
+    atoms: list[Atom]
+    operators: list[GroundOperator]
+    start: Bits
+    goals: list[Bits]
+    doubts: list[Doubt]
+
+
 class _Grounding:
     """The steps of one grounding; each step uses the results of the steps before it.
 
@@ -155,49 +154,61 @@ class _Grounding:
             self.problem, universe, len(universe.atoms), self.vocabulary.events, holding(Listed(initial))
         )
         batches = Batches(workflow, happenings(self.batches, self.schemas, universe), universe, rules)
-        supports = supports_of(
-            [
-                each
-                for each in range(DERIVED, DERIVED + len(universe.derived))
-                if not self._compares(universe, each)
-            ],
-            rules,
-            self._negated(universe),
-        )
+        supports = self._supports(universe, rules)
         goals = self._goals(universe, supports, rules, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
         changes = conditional_changes(self.conditionals, self.schemas, universe)
         amounts = amounts_of(self.problem, universe.facts)
         made = Instances(universe, effects, supports, workflow, batches, numbering, changes, amounts)
         operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
-        self.found += contradictions(made, universe)
-        self.found += amiss(made)
+        self.found += [*contradictions(made, universe), *amiss(made)]
         start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial
         alternatives, completed = goals.compiled(operators, numbering)
+        return self._with_axioms(
+            _Compiled(
+                [*universe.atoms, *workflow.atoms, *goals.atoms],
+                completed,
+                start,
+                [goal | workflow.goal for goal in alternatives],
+                [] if contradicted else made.doubts,  # then two atoms of a mutex group may be true
+            ),
+            universe,
+            rules,
+            numbering,
+        )
+
+    def _with_axioms(
+        self, compiled: "_Compiled", universe: Universe, rules: Rules, numbering: Numbering
+    ) -> Task:
+        """The task with axioms for derived atoms, complements of atoms, and quantities."""
         layers = axioms(rules, numbering, lambda atom: self._compares(universe, atom))
-        complements = bitset([c for atom, c in numbering.complements.items() if not start >> atom & 1])
-        added = (_named(signed, universe) for signed in numbering.added)
-        atoms = [*universe.atoms, *workflow.atoms, *goals.atoms, *added]
+        complements = bitset([c for a, c in numbering.complements.items() if not compiled.start >> a & 1])
+        atoms = [*compiled.atoms, *(_named(signed, universe) for signed in numbering.added)]
         numbers = Numbers(self.taken, self.given.domain, atoms)
         tests = tuple(numbers.comparing(universe, numbering))
         layers = with_tests(layers, tests, numbering, len(atoms))
-        completed = [numbers.changing(complemented(operator, numbering)) for operator in completed]
+        operators = [numbers.changing(complemented(each, numbering)) for each in compiled.operators]
         derived = layers.derived if layers else 0
-        groups = mutex_groups(atoms, completed, start | complements, derived)
-        if not contradicted:  # then two atoms of a mutex group may be true
-            self.found += ambiguities(self.domain, made.doubts, atoms, groups)
-        weighed = weights(self.domain, atoms, completed)
-        start |= numbers.start
+        groups = mutex_groups(atoms, operators, compiled.start | complements, derived)
+        self.found += ambiguities(self.domain, compiled.doubts, atoms, groups)
+        weighed = weights(self.domain, atoms, operators)
+        start = compiled.start | numbers.start | complements
         pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())
         return Task(
             atoms if self.given.domain.quantities else tuple(atoms),
-            tuple(completed),
-            layers.closed(start | complements) if layers else start | complements,
-            tuple(goal | workflow.goal for goal in alternatives),
+            tuple(operators),
+            layers.closed(start) if layers else start,
+            tuple(compiled.goals),
             weighed,
             tuple(dict.fromkeys((*groups, *pairs))),
             axioms=layers,
         )
+
+    def _supports(self, universe: Universe, rules: Rules) -> Supports:
+        """The supports of derived atoms. Those that compare quantities have none: they stay in the task, as axioms."""
+        numbers = range(DERIVED, DERIVED + len(universe.derived))
+        listed = [each for each in numbers if not self._compares(universe, each)]
+        return supports_of(listed, rules, self._negated(universe))
 
     def _compares(self, universe: Universe, atom: int) -> bool:
         """Whether a derived atom compares quantities."""
@@ -233,89 +244,26 @@ class _Grounding:
         ways = [list(dict.fromkeys(s for way in part for s in supports.combinations(way))) for part in parts]
         return Goals(ways, first)
 
-    def _violation(self, constraint: Statement) -> Diagnostic:
-        said = constraint.under("").strip()
-        hint = f"change the facts of {self.problem.name} or of its domain that break this constraint"
-        return Diagnostic(constraint.where, "K204", f"the problem {self.problem.name} violates {said}", hint)
-
     def _reachable(self, initial: tuple[Atom, ...]) -> Universe:
-        grounder = Grounder()
-        text = [static_program(self.problem), *(f"{reachable(atom)}." for atom in initial)]
-        for chain in self.problem.chains:
-            text += [
-                f"_v_{s.name}({', '.join(map(str, s.arguments))})."
-                for s in chain.stages
-                if s.name in self.vocabulary.events
-            ]
-        for schema in self.schemas:
-            text += [instance_rule(schema, self.vocabulary), *effect_rules(schema, self.vocabulary)]
-            text += self._conditional_rules(schema)
-            text += self._comparison_rules(schema)
-        text += [derived_rule(each, self.vocabulary) for each in (*self.rules, *self.reach)]
-        named = {p.atom for part in self.goals for body in part for p in body if isinstance(p, Literal)}
-        text += [f"{reachable(a)}." for a in sorted(named, key=str) if a.name.startswith(COMPARED)]
-        text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
-        try_first(suspects(self.problem, self.schemas), "\n".join(text))
-        grounder.ground("\n".join(text))
-        violated = [number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
-        self.found += [self._violation(self.domain.asp[number]) for number in sorted(violated)]
+        program = Reachability(
+            self.taken,
+            self.vocabulary,
+            self.schemas,
+            self.conditionals,
+            (*self.rules, *self.reach),
+            self.goals,
+        )
+        grounder, text = Grounder(), "\n".join(program.text(initial))
+        try_first(suspects(self.problem, self.schemas), text)
+        grounder.ground(text)
+        self.found += violations(self.problem, grounder)
         universe = Universe(grounder, self.vocabulary, self.invented)
         arguments = [rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables]
         pairs = ((each, s) for each in self.batches for s in self.schemas if each.operator is s.operator)
         universe.name_terms([*arguments, *(text for pair in pairs for text in happening_terms(*pair))])
         return universe
 
-    def _comparison_rules(self, schema: Schema) -> Iterator[str]:
-        """Rules for the comparisons of quantities in a schema, which are taken to be reachable wherever the rest is."""
-        compared = [each.atom for each in self.taken.literals_of(schema.literals)]
-        rest = tuple(each for each in schema.literals if each.atom not in compared)
-        body = instance_rule(replace(schema, literals=rest), self.vocabulary).partition(" :- ")[2].rstrip(".")
-        for atom in compared:
-            yield rule(reachable(atom), [body] if body else [])
-        for each in self.conditionals:
-            inner = self.taken.literals_of(each.literals) if each.operator is schema.operator else []
-            for literal in inner:
-                others = tuple(p for p in each.literals if p not in inner)
-                yield rule(reachable(literal.atom), conditional_body(replace(each, literals=others), schema))
-
-    def _conditional_rules(self, schema: Schema) -> Iterator[str]:
-        for each in self.conditionals:
-            if each.operator is schema.operator and each.effect.adds:
-                yield rule(reachable(each.effect.atom), conditional_body(each, schema))
-
 
 def _named(signed: int, universe: Universe) -> Atom:
     """The name of a complementary or derived atom."""
     return universe.atom(signed) if signed >= 0 else Function("not", (universe.atom(~signed),))
-
-
-def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:
-    """One diagnostic per operator whose consequences contradict each other (Meaning 4)."""
-    for operator, found in made.contradictions.items():
-        atom = universe.atoms[indices(found.atoms)[0]]
-        chain = _chain(made.deduction, universe, found.adds, atom)
-        message = f"{found.instance} both adds and denies {atom}: {chain}"
-        yield Diagnostic(
-            found.operator.where,
-            "K301",
-            message,
-            f"add conditions to the deductive operators that {operator} triggers",
-        )
-
-
-def amiss(made: Instances) -> Iterator[Diagnostic]:
-    """One diagnostic per operator and fault, for an instance whose duration or cost is no amount."""
-    for each in made.amiss.values():
-        yield Diagnostic(each.operator.where, each.code, each.message, each.hint)
-
-
-def _chain(deduced: Deduction, universe: Universe, adds: Bits, atom: Function) -> str:
-    bit = 1 << universe.index[atom]
-    adder = next((i for i in indices(adds) if deduced.implied[i] & bit), None)
-    denier = next((i for i in indices(adds) if deduced.denied[i] & bit), None)
-    said = [
-        f"{universe.atoms[i]} {verb} it"
-        for i, verb in ((adder, "adds or implies"), (denier, "denies"))
-        if i is not None
-    ]
-    return ", ".join(said) or "this follows from what it denies"

@@ -17,7 +17,8 @@ from engine.stages.grounding.program import Vocabulary, consequence_body, number
 from engine.stages.grounding.universe import Universe
 from kb.asp.tables import Table
 from kb.asp.vocabulary import guard
-from kb.model.conditions import Aggregate, BodyPart, Comparison, free_variables
+from kb.model.bindings import free_variables
+from kb.model.conditions import Aggregate, BodyPart, Comparison
 from kb.model.domain import Consequence, DeductiveOperator, Domain
 from kb.terms import ANYTHING, Function, Term, Variable, variables
 

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from kb.asp.vocabulary import guard
-from kb.loader.safety import closed
-from kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter, free_variables
+from kb.model.bindings import closed, free_variables
+from kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter
 from kb.model.domain import UNLISTED, Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule
 from kb.model.normalise import Normaliser
 from kb.terms import ANYTHING, Atom, Function, Variable

@@ -11,7 +11,8 @@ from collections.abc import Iterable, Iterator
 
 from engine.stages.validation.changes import Change
 from engine.stages.validation.claims import false_claims
-from engine.stages.validation.datalog import Facts, holds
+from engine.stages.validation.datalog import holds
+from engine.stages.validation.facts import Facts
 from engine.stages.validation.interference import Executed, Interference
 from engine.stages.validation.links import Links
 from engine.stages.validation.precedence import Precedence

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from engine.stages.validation.datalog import Bindings, Facts, solve
+from engine.stages.validation.datalog import Bindings, solve
+from engine.stages.validation.facts import Facts
 from kb.model.conditions import Body
 from kb.model.domain import Consequence
 from kb.terms import Atom, Term, Variable, match

@@ -7,7 +7,8 @@ The checker's own: it shares no code with grounding or search.
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from engine.stages.validation.datalog import Bindings, Facts, solve
+from engine.stages.validation.datalog import Bindings, solve
+from engine.stages.validation.facts import Facts
 from kb.model.conditions import Body, Literal, StateAggregate, literals
 from kb.model.domain import Rule
 from kb.terms import Atom, is_ground, match, substitute_atom

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 
-from engine.stages.validation.datalog import Facts
+from engine.stages.validation.facts import Facts
 from kb.terms import Atom, Term
 
 SINGLY = 200  # atoms of a predicate that are asked for before all are read

@@ -9,10 +9,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State
-from engine.stages.validation.datalog import Bindings, Facts, holds
+from engine.stages.validation.datalog import Bindings, holds
+from engine.stages.validation.facts import Facts
 from engine.stages.validation.precedence import Precedence
 from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import TRUE, Condition, bind, literals
+from kb.model.bindings import bind
+from kb.model.conditions import TRUE, Condition, literals
 from kb.model.domain import Operator
 from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem

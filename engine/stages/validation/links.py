@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.stages.validation.datalog import Facts
+from engine.stages.validation.facts import Facts
 from engine.stages.validation.interference import Executed, Interference, is_stage, signed
 from engine.stages.validation.workflow import ChainProgress
 from kb.model.domain import Kind

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State, well_typed
-from engine.stages.validation.datalog import Bindings, Facts, bound, solve
+from engine.stages.validation.datalog import Bindings, bound, solve
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.evaluated import Evaluated
+from engine.stages.validation.facts import Facts
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import guard
 from kb.graphs import components, reached

@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.stages.validation.datalog import Facts
+from engine.stages.validation.facts import Facts
 from kb.model.domain import Domain
 from kb.model.plan import START, StepId
 from kb.model.problem import Chain

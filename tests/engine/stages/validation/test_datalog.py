@@ -8,7 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.stages.validation.datalog import Facts, evaluate, holds, solve
+from engine.stages.validation.datalog import evaluate, holds, solve
+from engine.stages.validation.facts import Facts
 from kb.asp import Grounder
 from kb.model.conditions import (
     Aggregate,

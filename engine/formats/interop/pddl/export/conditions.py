@@ -10,6 +10,7 @@ import networkx as nx
 
 from engine.formats.interop.pddl.export.background import Background, Fresh, NotLiftable
 from engine.formats.interop.pddl.export.equations import Equations
+from kb.model.bindings import bind
 from kb.model.conditions import (
     TRUE,
     Aggregate,
@@ -24,7 +25,6 @@ from kb.model.conditions import (
     Or,
     Parameter,
     StateAggregate,
-    bind,
     literals,
 )
 from kb.model.domain import OBJECT, Kind, Rule

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from engine.formats.interop.pddl.export.background import NotLiftable
 from engine.formats.interop.pddl.export.conditions import Conditions, conjunction
 from engine.formats.interop.pddl.export.equations import Equations
+from kb.model.bindings import bind
 from kb.model.conditions import (
     TRUE,
     And,
@@ -17,7 +18,6 @@ from kb.model.conditions import (
     Not,
     Or,
     Parameter,
-    bind,
     goal_parts,
 )
 from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator

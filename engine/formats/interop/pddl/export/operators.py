@@ -7,6 +7,7 @@ from engine.formats.interop.pddl.export.background import NotLiftable
 from engine.formats.interop.pddl.export.conditions import FALSE, Conditions, Locals, conjunction
 from engine.formats.interop.pddl.export.deduction import Closing
 from engine.formats.interop.pddl.export.stages import Stages
+from kb.model.bindings import free_variables
 from kb.model.conditions import (
     TRUE,
     Aggregate,
@@ -15,7 +16,6 @@ from kb.model.conditions import (
     Condition,
     Literal,
     Parameter,
-    free_variables,
     goal_parts,
 )
 from kb.model.domain import NUMERIC_TYPES, Effect, Kind, Operator

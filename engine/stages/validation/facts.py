@@ -1,0 +1,100 @@
+"""Sets of facts in layers, in which the checker looks atoms up by predicate and by argument."""
+
+from collections.abc import Iterable, Iterator, Mapping, Set
+
+from kb.model.domain import NUMERIC_TYPES, OBJECT
+from kb.terms import Atom, Function, Number, Term, Text, is_ground
+
+NONE: Mapping[Atom, None] = {}
+MANY = 16  # atoms of a predicate
+
+
+class Facts:
+    """A set of ground atoms on top of a layer of facts that never change.
+
+    The atoms are kept by predicate. Those of a large predicate are indexed by argument when a pattern asks for some.
+    """
+
+    def __init__(self, atoms: Iterable[Atom] = (), below: "Facts | None" = None) -> None:
+        self.below = below
+        self._by_name: dict[str, dict[Atom, None]] = {}
+        for atom in atoms:
+            self._by_name.setdefault(atom.name, {})[atom] = None
+        self._indexes: dict[str, dict[tuple[int, Term], list[Atom]]] = {}
+
+    def _extent(self, name: str) -> Mapping[Atom, None]:
+        """The atoms of a predicate in this layer."""
+        return self._by_name.get(name, NONE)
+
+    def add(self, atom: Atom) -> bool:
+        """Add an atom. Returns whether it is new."""
+        if atom in self:
+            return False
+        self._by_name.setdefault(atom.name, {})[atom] = None
+        index = self._indexes.get(atom.name)
+        if index is not None:
+            for key in enumerate(atom.arguments):
+                index.setdefault(key, []).append(atom)
+        return True
+
+    def after(self, ends: Set[Atom], adds: Set[Atom]) -> "Facts":
+        """The facts after some atoms end and then others are added.
+
+        Untouched predicates are shared.
+        """
+        found = Facts((), self.below)
+        touched = {atom.name for atom in (*ends, *adds)}
+        found._by_name = self._by_name.copy()
+        found._indexes = {name: index for name, index in self._indexes.items() if name not in touched}
+        for name in touched:
+            found._by_name[name] = dict(self._by_name.get(name, NONE))
+        for atom in ends:
+            found._by_name[atom.name].pop(atom, None)
+        for atom in adds:
+            found._by_name[atom.name][atom] = None
+        return found
+
+    def __contains__(self, atom: Atom) -> bool:
+        return atom in self._extent(atom.name) or (self.below is not None and atom in self.below)
+
+    def extent(self, name: str) -> Iterator[Atom]:
+        """Every atom of a predicate that is above the facts that never change."""
+        layers, facts = list[Facts](), self
+        while facts.below is not None:
+            layers.append(facts)
+            facts = facts.below
+        return (atom for each in layers for atom in each._extent(name))
+
+    def named(self, name: str) -> Iterator[Atom]:
+        """Every atom of a predicate."""
+        yield from self._extent(name)
+        if self.below is not None:
+            yield from self.below.named(name)
+
+    def matching(self, pattern: Atom) -> Iterator[Atom]:
+        """The atoms of a pattern's predicate, of a large one only those that share a ground argument with the pattern."""
+        yield from (
+            self._sharing(pattern) if len(self._extent(pattern.name)) > MANY else self._extent(pattern.name)
+        )
+        if self.below is not None:
+            yield from self.below.matching(pattern)
+
+    def _sharing(self, pattern: Atom) -> Iterable[Atom]:
+        extent = self._extent(pattern.name)
+        if pattern.name not in self._indexes:
+            index: dict[tuple[int, Term], list[Atom]] = {}
+            for atom in extent:
+                for key in enumerate(atom.arguments):
+                    index.setdefault(key, []).append(atom)
+            self._indexes[pattern.name] = index
+        own = self._indexes[pattern.name]
+        ground = (key for key in enumerate(pattern.arguments) if is_ground(key[1]))
+        return min((own.get(key, []) for key in ground), key=len, default=extent)
+
+    def has_type(self, term: Term, type_: str) -> bool:
+        """Whether a term is a value of a type."""
+        if type_ in NUMERIC_TYPES:
+            return isinstance(term, Number)
+        if type_ == "text":
+            return isinstance(term, Text)
+        return type_ == OBJECT or Function(type_, (term,)) in self
