@@ -146,7 +146,9 @@ def _planned_alone(problem: Problem, asked: str) -> dict[str, float]:
     planned(small)
     standing(problem.domain)("home")
     single = with_goals(problem.domain, asked, problem)
-    gc.set_threshold(100_000)  # as the commands do: else what this benchmark itself keeps is looked through again and again
+    gc.set_threshold(
+        100_000
+    )  # as the commands do: else what this benchmark itself keeps is looked through again and again
     started = time.process_time()
     _, task = planned(single)
     return {"cpu_s": time.process_time() - started, "operators": len(task.operators)}
