@@ -3,12 +3,13 @@
 Static rules are evaluated exactly; only what changes is relaxed.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.numeric import without_quantities
 from engine.stages.grounding.program import (
+    Conditional,
     Schema,
     Vocabulary,
     conditional_body,
@@ -24,7 +25,7 @@ from engine.stages.grounding.program import (
     schemas,
 )
 from kb.asp.vocabulary import guard
-from kb.model.conditions import goal_parts
+from kb.model.conditions import Body, goal_parts
 from kb.model.domain import Domain
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
@@ -37,9 +38,7 @@ LOOSENED = "_loosened"
 def relaxed_rules(problem: Problem) -> str:
     """Everything but the static program and the initial state. `_missed(n)` says that goal n is out of reach.
 
-    Comparisons of quantities are taken to be true.
-
-    With `_loosened`, all defaults apply, whatever denies them.
+    With `_loosened`, all defaults apply, whatever denies them. Comparisons of quantities are taken to be true.
     """
     taken = without_quantities(problem)
     problem, normaliser = taken.problem, Normaliser()
@@ -64,23 +63,35 @@ def relaxed_rules(problem: Problem) -> str:
             *effect_rules(schema, vocabulary),
             *_events(schema, vocabulary),
         ]
+    lines += _under_conditions(made, effects, vocabulary)
+    lines += [derived_rule(each, vocabulary) for each in derived]
+    lines += [line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)]
+    lines += _goals(goals, vocabulary)
+    lines += [f"#defined {LOOSENED}/0.", f"#defined {MISSED}/1.", "#defined _goal/1."]
+    lines += _stages(problem, vocabulary, len(goals))
+    return "\n".join([*lines, *_defaults(problem), *_declared(problem.domain, vocabulary)])
+
+
+def _under_conditions(
+    made: Sequence[Schema], effects: Iterable[Conditional], vocabulary: Vocabulary
+) -> Iterator[str]:
+    """What conditional effects add, and the events that happen by them."""
     for each in effects:
         for schema in made:
             if each.operator is schema.operator and each.effect.adds:
                 happens = each.effect.atom.name in vocabulary.events
                 head = f"_h_{each.effect.atom}" if happens else reachable(each.effect.atom)
-                lines.append(rule(head, conditional_body(each, schema)))
-    lines += [derived_rule(each, vocabulary) for each in derived]
-    lines += [line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)]
+                yield rule(head, conditional_body(each, schema))
+
+
+def _goals(goals: Iterable[Iterable[Body]], vocabulary: Vocabulary) -> Iterator[str]:
+    """When each goal, a disjunction of bodies, is within reach."""
     for number, alternatives in enumerate(goals):
         for disjunct in alternatives:
             literals, static = vocabulary.split(disjunct)
             body = [*(reachable(each.atom) for each in literals if each.positive), *map(str, static)]
-            lines.append(rule(f"_goal({number})", body))
-        lines.append(f"{MISSED}({number}) :- not _goal({number}).")
-    lines += [f"#defined {LOOSENED}/0.", f"#defined {MISSED}/1.", "#defined _goal/1."]
-    lines += _stages(problem, vocabulary, len(goals))
-    return "\n".join([*lines, *_defaults(problem), *_declared(problem.domain, vocabulary)])
+            yield rule(f"_goal({number})", body)
+        yield f"{MISSED}({number}) :- not _goal({number})."
 
 
 def new_defaults(problem: Problem, held: dict[int, Sequence[Atom]]) -> Iterator[str]:
