@@ -16,7 +16,9 @@ def import_() -> None:
     """Make problems from files of other systems."""
 
 
-Output = Annotated[Path | None, typer.Option(help="the problem file to write; FILE.yaml if not given")]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", help="the problem file to write; FILE.yaml if not given")
+]
 Domain = Annotated[str, typer.Option(help="a domain that chooses tools, by path or bundled name")]
 
 
