@@ -1,6 +1,5 @@
 """The cell in one state, ready for motions: where the bodies are, what may touch, and what an arm reaches."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
