@@ -1,6 +1,6 @@
 """Paths of a UR5 on the problems of MotionBenchMaker: time, length, proof, and an independent check at a finer step.
 
-    python benchmarks/motion.py [--data FOLDER] [--numbers N] [--kinds NAME ...] [--json FILE]
+    python benchmarks/motion.py [--data FOLDER] [--numbers N] [--first N] [--kinds NAME ...] [--json FILE]
     python benchmarks/motion.py --certified 1000 [--data FOLDER] [--numbers N] [--json FILE]
 
 The problems are read from `ur5_mbm` in the folder of the data, by default $CELLWRIGHT_DATA. Scenes are built beforehand; times
@@ -262,6 +262,7 @@ def main() -> int:
     )
     parser.add_argument("--data", type=Path, default=os.environ.get("CELLWRIGHT_DATA"))
     parser.add_argument("--numbers", type=int, default=20, help="problems of each kind")
+    parser.add_argument("--first", type=int, default=1, help="the number of the first problem of each kind")
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=list(KINDS))
     parser.add_argument(
         "--certified", type=int, default=0, metavar="N", help="paths that are proved and looked at finely"
@@ -270,7 +271,9 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.data is None:
         parser.error("give --data or set CELLWRIGHT_DATA")
-    chosen = tasks(Path(arguments.data) / "ur5_mbm", range(1, arguments.numbers + 1))
+    chosen = tasks(
+        Path(arguments.data) / "ur5_mbm", range(arguments.first, arguments.first + arguments.numbers)
+    )
     chosen = [task for task in chosen if task.name.split()[0] in arguments.kinds]
     allowed, peers = always_touching(chosen[0]), find_spec("ompl") is not None
     if arguments.certified:

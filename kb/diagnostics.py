@@ -3,7 +3,7 @@
 import difflib
 import re
 import unicodedata
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Set
 from dataclasses import dataclass, field
 
 CODES = {
@@ -249,7 +249,7 @@ def nearest(name: str, known: Collection[str]) -> str:
 
 def unknown_name(kind: str, name: str, known: Collection[str], where: Source) -> Diagnostic:
     """The diagnostic for a name that is not declared, with the most similar known name or some of the known names."""
-    shown = list(known)[:8]
+    shown = (sorted(known) if isinstance(known, Set) else list(known))[:8]
     some = ", ".join(shown) + (", ..." if len(known) > len(shown) else "")
     hint = nearest(name, known) or (f"known: {some}" if shown else "declare it first")
     return Diagnostic(where, "K101", f"unknown {kind} '{name[:60]}'", hint)

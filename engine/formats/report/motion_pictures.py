@@ -32,7 +32,7 @@ def as_svg(motion: Motion) -> str:
 
 def as_gltf(motion: Motion) -> str:
     """The cell, with the arm moving as the trajectory says."""
-    count = max(2, int(np.ceil(motion.times.duration_s / FRAME_S)) + 1)
+    count = int(np.ceil(motion.times.duration_s / FRAME_S)) + 1  # one moment, where nothing moves
     moments = np.linspace(0.0, motion.times.duration_s, count)
     whole = np.repeat(motion.whole()[:1], count, axis=0)
     whole[:, motion.own] = motion.times.at(moments)[0]

@@ -45,7 +45,7 @@ def end_of(text: str, option: str, reach: Reachability, world: World, tool: str 
     if head in FORMS:
         return _reached(_place_at(head, rest, world, option, tool), said, option, reach)
     if not any(each.isdigit() for each in said) or "(" in said:
-        known = {*cell.places, HOME}
+        known = [HOME, *cell.places]
         raise InvalidInput([unknown_name("place", said, known, Source(option))])
     arm, values = read_configuration(said, cell, option)
     return End(said, arm, np.array(values)[None])
