@@ -4,33 +4,39 @@ The engine's own implementations are registered in the same way as those of othe
 """
 
 from collections.abc import Callable
-from importlib import metadata
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from engine.ports import ContactFilter, Driver, DriverSetup, GeometryBackend
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.model.contacts import ContactModel
+
+if TYPE_CHECKING:
+    from kb.model.contacts import ContactModel
 
 GEOMETRY = "cellwright.geometry"
+OWN_GEOMETRY = "engine.stages.geometry.collision.builtin"
 CONTACT_FILTERS = "cellwright.contact_filters"
 DRIVERS = "cellwright.drivers"
 
 
 def known(group: str) -> list[str]:
     """The names that are registered in a group. The packages that they need may be missing."""
+    from importlib import metadata
+
     return sorted({point.name for point in metadata.entry_points(group=group)})
 
 
 def geometry_backend(name: str = "builtin") -> GeometryBackend:
-    """The geometry backend of this name.
+    """The geometry backend of this name. The engine's own is there without a search among packages, so that it starts quickly.
 
     Raises `InvalidInput` when it is unknown or its package is not installed.
     """
-    backend: GeometryBackend = _load(GEOMETRY, name)()
+    own = import_module(OWN_GEOMETRY) if name == "builtin" else None
+    backend: GeometryBackend = own.BuiltinBackend() if own else _load(GEOMETRY, name)()
     return backend
 
 
-def contact_filter(name: str, model: ContactModel) -> ContactFilter:
+def contact_filter(name: str, model: "ContactModel") -> ContactFilter:
     """The filter of contact states of this name, made for a contact model. Raises `InvalidInput` as `geometry_backend` does."""
     made: ContactFilter = _load(CONTACT_FILTERS, name)(model)
     return made
@@ -43,6 +49,8 @@ def driver(name: str, setup: DriverSetup) -> Driver:
 
 
 def _load(group: str, name: str) -> Callable[..., Any]:
+    from importlib import metadata
+
     found = [point for point in metadata.entry_points(group=group) if point.name == name]
     if not found:
         names = known(group)

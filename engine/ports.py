@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from engine.model.geometry import Contact, Floats, Scene, Truths
-from kb.model.octuples import Octuple
 
 if TYPE_CHECKING:
     from engine.kernels.geometry.edges import Edges
     from engine.kernels.geometry.proof import Proof
     from engine.model.execution import Command, Message, Report
+    from kb.model.octuples import Octuple
     from kb.model.problem import Problem
 
 
@@ -133,7 +133,7 @@ class ContactFilter(Protocol):
         """The anchor points (object class, anchor point) that are not exchangeable for this filter."""
         ...
 
-    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:
+    def reason(self, objects: Sequence[str], contacts: "Sequence[Octuple]", change: "Octuple | None") -> str:
         """Why a cluster of objects with these contacts cannot be; empty if it can.
 
         `change` is the contact that is made; None if one is broken, or if nothing changes.

@@ -2,10 +2,13 @@
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import is_file, is_folder, is_there
-from kb.model.domain import Domain
+
+if TYPE_CHECKING:
+    from kb.model.domain import Domain
 
 DOMAIN_FILE = "domain.yaml"
 CELL_FILE = "cell.yaml"
@@ -80,7 +83,7 @@ def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:
     return Diagnostic(where, "K401", "no file, bundled domain or problem of this name", hint)
 
 
-def reference(domain: Domain) -> str:
+def reference(domain: "Domain") -> str:
     """The name of this domain for other files: its name if it is bundled, otherwise its path from the root of the file system.
 
     So it is found from any folder in which a command is typed.

@@ -20,7 +20,6 @@ from kb.model.conditions import (
     part_variables,
     substitute_part,
 )
-from kb.model.domain import UNLISTED
 from kb.terms import ANYTHING, Function, Substitution, Term, Variable, variables
 
 
@@ -75,6 +74,8 @@ def binding(term: Term) -> Iterator[Variable]:
 
 def extended(parameters: Iterable[Parameter]) -> set[Variable]:
     """The parameters whose type has values that can be enumerated."""
+    from kb.model.domain import UNLISTED
+
     return {parameter.variable for parameter in parameters if parameter.type not in UNLISTED}
 
 

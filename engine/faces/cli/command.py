@@ -1,6 +1,5 @@
 """All verbs as one command line, and the function that runs it until the exit code."""
 
-import gc
 from typing import Annotated
 
 import typer
@@ -35,7 +34,6 @@ def cellwright(
 def run() -> None:
     """Run the command line."""
     own_process()
-    gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
     open_streams()
     try:
         app()
