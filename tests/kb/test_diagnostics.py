@@ -5,7 +5,7 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.diagnostics import CODES, Diagnostic, Source, printable
+from kb.diagnostics import CODES, NOWHERE, Diagnostic, Source, printable, unknown_name
 
 texts = st.text(max_size=60) | st.text(st.sampled_from("a\x1b\x07\x9b\r\n\t\u202e\u2066日 "), max_size=30)
 
@@ -43,3 +43,8 @@ def test_the_caret_stands_under_its_column(line: str, data: st.DataObject) -> No
 def test_codes_are_a_letter_and_three_digits_in_order() -> None:
     assert list(CODES) == sorted(CODES)
     assert all(code[0] == "K" and code[1:].isdigit() and len(code) == 4 for code in CODES)
+
+
+def test_known_names_of_a_set_are_told_in_one_order() -> None:
+    told = unknown_name("place", "", {"rim", "home", "lid", "flap"}, NOWHERE)
+    assert told.hint == "known: flap, home, lid, rim"

@@ -1,6 +1,8 @@
 """`cellwright motion plan`: paths between named ends, and what is said where there is none."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -70,3 +72,24 @@ def test_a_picture_shows_each_joint_over_time(tmp_path: Path) -> None:
 def test_an_output_without_a_picture_is_refused() -> None:
     words = ["motion", "plan", "bulkhead", "--from", "home", "--to", "home", "-o", "x.svg"]
     assert run(app, words).exit_code == 2
+
+
+def test_a_motion_in_a_cell_imports_no_solver_and_reads_no_domain() -> None:
+    words = "motion plan bulkhead --from home --to home"
+    code = f"import sys; sys.argv = ['cellwright', *{words.split()}]\n"
+    code += "from engine.faces.cli.command import app\n"
+    code += "app(standalone_mode=False)\n"
+    code += "print([name for name in ('clingo', 'kb.loader.domain', 'numpy.ma', 'networkx') if name in sys.modules])"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_scene_in_which_nothing_moves_has_no_animation() -> None:
+    """Times of an animation must increase."""
+    scenes = [
+        json.loads(
+            run(app, ["motion", "plan", "handey", "--from", "home", "--to", goal, "--format", "gltf"]).stdout
+        )
+        for goal in ("home", "0, -80, 90, -90, -90, 0")
+    ]
+    assert ["animations" in each for each in scenes] == [False, True]
