@@ -5,7 +5,7 @@ from collections.abc import Callable
 from hypothesis import settings
 
 QUICK = 0.3
-FEWEST = 10  # of so few no share is taken
+FEWEST = 5  # of so few no share is taken
 
 
 def share(examples: int) -> int:

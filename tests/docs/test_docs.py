@@ -170,7 +170,12 @@ def test_every_exit_code_is_in_the_table_and_no_other() -> None:
     assert table == known
 
 
-@pytest.mark.parametrize(("line", "shown"), EXAMPLES)
+def of_a_kind(line: str, shown: str) -> object:
+    """An example; a long search for a reason is slow."""
+    return pytest.param(line, shown, marks=[pytest.mark.slow] if " explain " in line else [], id=line)
+
+
+@pytest.mark.parametrize(("line", "shown"), [of_a_kind(*each) for each in EXAMPLES])
 def test_what_the_readme_shows_is_what_is_printed(line: str, shown: str) -> None:
     printed = [each.rstrip() for each in run(line).stdout.splitlines()]
     assert printed == shown.splitlines()
