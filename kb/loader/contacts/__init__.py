@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, unknown_name
-from kb.loader.contact_templates import Templates
+from kb.loader.contacts.templates import Templates
 from kb.loader.domain import read_beside
 from kb.loader.inference import Typing
 from kb.loader.names import Names
