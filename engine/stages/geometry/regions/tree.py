@@ -43,7 +43,7 @@ class OutsideError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Cover:
-    """The regions that cover another one but for `slack_m`."""
+    """The regions that cover another one except for `slack_m`."""
 
     names: tuple[str, ...]
     slack_m: float

@@ -150,7 +150,7 @@ def _pieces_of(path: Path, _changed_ns: int, _size: int, where: Source) -> tuple
 
 
 def is_convex(mesh: TriangleMesh) -> bool:
-    """Whether the middle and the corners of every triangle are at the hull of all, but for a thousandth of the size.
+    """Whether the middle and the corners of every triangle are at the hull of all, except for a thousandth of the size.
 
     Raises `FlatError` for a mesh without volume.
     """
