@@ -9,7 +9,6 @@ from typing import Any
 from engine.formats.report.narration import narrated
 from engine.formats.report.standing import Standing
 from engine.model.execution import Record, RecordKind
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.store.journal import Begun, Journal, Line
 
 KEPT = 2000  # records between two states that are kept for going back
@@ -117,16 +116,9 @@ class Follower:
 
     def __init__(self, store: str, run: str, initial: Sequence[str] = ()) -> None:
         with Journal(store) as journal:
-            begun = journal.begun()
-        if not any(each.run == run for each in begun):
-            hint = (
-                nearest(run, [each.run for each in begun]) or "`cellwright results` lists the runs of a store"
-            )
-            said = f"no run of this name in {store}"
-            raise InvalidInput([Diagnostic(Source(run), "K421", said, hint)])
+            self.about: Mapping[str, Any] = journal.known(run).document
         self.store, self.run = store, run
         self.records: list[Record] = []
-        self.about: Mapping[str, Any] = next(each.document for each in begun if each.run == run)
         self._ends: dict[int, int] = {}
         self.latest = Watched(run, holds=dict.fromkeys(initial, 0))
         self._kept = [self.latest.copied()]

@@ -24,7 +24,7 @@ from engine.pipelines.simulator.driver import fault_base
 from engine.plugins import driver
 from engine.ports import DriverSetup
 from engine.stages.planning import Limits
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.problem import Problem
 from kb.store.journal import Journal, Line
 
@@ -102,14 +102,7 @@ def resume(
     from engine.pipelines.planning import problem_of
 
     with Journal(store) as journal:
-        known = journal.run(run)
-        if known is None:
-            names = [each.run for each in journal.begun()]
-            hint = nearest(run, names) or (
-                f"one of: {', '.join(names[-8:])}" if names else "this journal has none"
-            )
-            raise InvalidInput([Diagnostic(Source(run), "K421", "there is no run of this name", hint)])
-        about = known.document
+        about = journal.known(run).document
         problem = problem_of(str(about["target"]), str(about["goals"]), str(about["command"]))
         base = fault_base(problem)
         past = Past(World.of(problem, situation_of(problem).state), Scope(problem))
