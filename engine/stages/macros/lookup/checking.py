@@ -18,7 +18,7 @@ from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.query import Query, is_met
 from kb.model.conditions import Literal
 from kb.model.plan import Plan, Step
-from kb.model.workflow import advanced, begun, holding, lasting, in_turn, late_stages, too_early
+from kb.model.workflow import advanced, begun, holding, in_turn, lasting, late_stages, too_early
 from kb.terms import Atom, is_ground, match, substitute_atom
 
 
