@@ -91,6 +91,12 @@ class Journal(Database):
             connection.execute(runs.insert(), [row])
         return True
 
+    def withdraw(self, run: str) -> None:
+        """Take a run off the list if it has no line: it never began."""
+        if not self.last(run):
+            with transaction(self._engine, self.target, writes=True) as connection:
+                connection.execute(runs.delete().where(runs.c.run == run))
+
     def append(self, run: str, group: Sequence[Line]) -> None:
         """Append lines in one transaction, and have them written to the disk. Raises `JournalFailure`."""
         errors = self._engine.dialect.loaded_dbapi.Error

@@ -1,7 +1,8 @@
 """Begins a run: the plan, the driver, the journal, and all that they need of each other."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -156,6 +157,17 @@ def named(wanted: Wanted, problem: Problem) -> Wanted:
                 return made
     hint = f"give another name with --name, or go on with it: cellwright resume {wanted.run}"
     raise InvalidInput([Diagnostic(Source("--name"), "K421", f"there is a run {wanted.run} already", hint)])
+
+
+@contextmanager
+def listed(wanted: Wanted, problem: Problem) -> Iterator[Wanted]:
+    """As `named`, for as long as the run is begun; one that is refused, or that has no plan, is not listed afterwards."""
+    made = named(wanted, problem)
+    try:
+        yield made
+    finally:
+        with suppress(InvalidInput), Journal(made.store) as journal:
+            journal.withdraw(made.run)
 
 
 def _cleared(wanted: Wanted, ending: Finish) -> Finish:
