@@ -12,6 +12,7 @@ from kb.asp import AspError, Grounder, ground_term
 from kb.asp.bounded import TooLarge
 from kb.asp.vocabulary import static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.domain import OBJECT
 from kb.model.problem import Problem
 from kb.model.statement import Sign, Signature, Statement
 from kb.plain_terms import plain_terms
@@ -176,12 +177,16 @@ class _Extents:
         seen = set[Variable]()
         for atom in atoms:
             declared = self.domain.predicates.get(atom.name)
-            types = dict(zip(atom.arguments, declared.arguments if declared else (), strict=False))
-            fresh = {each for each in variables(atom) if each == ANYTHING or each not in seen}
-            known = tuple(n for n, each in enumerate(atom.arguments) if fresh.isdisjoint(variables(each)))
-            seen |= fresh
-            values = prod(self._values(each, types.get(each)) for each in fresh)
-            yield min(self._at_most((atom.name, len(atom.arguments)), known), values)
+            types = declared.arguments if declared else (OBJECT,) * len(atom.arguments)
+            known, values = list[int](), 1.0
+            for number, (argument, type_) in enumerate(zip(atom.arguments, types, strict=False)):
+                fresh = set(variables(argument)) - seen
+                if not fresh:
+                    known.append(number)
+                elif values:
+                    values *= self.types.get(type_, inf) if isinstance(argument, Variable) else inf
+                seen |= fresh - {ANYTHING}
+            yield min(self._at_most((atom.name, len(atom.arguments)), tuple(known)), values)
 
     def _at_most(self, predicate: Signature, known: tuple[int, ...]) -> float:
         """How many atoms of a predicate can agree in the arguments that are known."""
@@ -192,9 +197,6 @@ class _Extents:
             alike = Counter(tuple(arguments[n] for n in known) for arguments in facts)
             self.degrees[predicate, known] = float(max(alike.values()))
         return self.degrees[predicate, known]
-
-    def _values(self, variable: Variable, type_: str | None) -> float:
-        return inf if variable == ANYTHING or type_ is None else self.types.get(type_, inf)
 
 
 def _ranges(text: str) -> float:
