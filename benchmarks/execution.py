@@ -160,7 +160,7 @@ def resumed(folder: Path) -> float:
     with Journal(str(folder / "runs.db")) as journal:
         started = time.perf_counter()
         begun = Past(World.of(problem, situation_of(problem).state), Scope(problem))
-        past = past_of(journal, "blink", begun, keeps_history=False)
+        past = past_of(journal, "blink", begun)
         assert past.last == journal.last("blink")
         return time.perf_counter() - started
 

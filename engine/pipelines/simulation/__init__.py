@@ -5,8 +5,8 @@ is one such cell with causes that nobody knows. An executive can stand on it: it
 """
 
 from engine.pipelines.simulation.dynamics import Dynamics, WorldState
-from engine.pipelines.simulation.faulty import Achievement, FaultyCell
+from engine.pipelines.simulation.faulty import Achievement, FaultyCell, Memory
 from engine.pipelines.simulation.true_world import TrueWorld
 from engine.pipelines.simulation.world import World
 
-__all__ = ["Achievement", "Dynamics", "FaultyCell", "TrueWorld", "World", "WorldState"]
+__all__ = ["Achievement", "Dynamics", "FaultyCell", "Memory", "TrueWorld", "World", "WorldState"]
