@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from engine.model.execution import Command, CommandKind, Phase, RecordKind, Reply, RunState
@@ -15,6 +16,7 @@ from engine.pipelines.simulation.world import achievement
 from engine.ports import Driver
 from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
+from engine.stages.macros.lifted.world import StepChange
 from kb.terms import Atom
 
 EVERY = 5_000  # records from one checkpoint to the next
@@ -22,7 +24,12 @@ NOTICED_MS = (
     30_000  # by which a step may end later or sooner than forecast before the plan is looked at again
 )
 OTHERWISE = "steps take longer or less than was forecast"
-LONG = ("steps", "order", "dwells", "running")  # what of a plan's record grows with the plan, or is true only once
+LONG = (
+    "steps",
+    "order",
+    "dwells",
+    "running",
+)  # what of a plan's record grows with the plan, or is true only once
 VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
 
 
@@ -96,7 +103,9 @@ class Progress:
     noted: int = 0  # the record from which those to the next checkpoint count
     every: int = EVERY
     checkpoint: Callable[[], dict[str, Any]] | None = None
-    entire: Callable[[], Compiled] | None = None  # the program with steps that were done before the run was taken up again
+    entire: Callable[[], Compiled] | None = (
+        None  # the program with steps that were done before the run was taken up again
+    )
     turn: Turn | None = None
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
@@ -194,9 +203,7 @@ class Progress:
             command=ended.number,
             action=self.compiled.program.activities[activity].action,
             started_ms=ended.started_ms,
-            adds=[str(each) for each in change.adds],
-            ends=[str(each) for each in change.ends],
-            events=[str(each) for each in change.events],
+            **_changes(change),
             moved=[[chain, number, str(atom)] for chain, number, atom in moved],
         )
         for chain, _, atom in moved:
@@ -233,6 +240,16 @@ class Progress:
             command=None,
             reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
         )
+
+
+@lru_cache(1 << 12)
+def _changes(change: StepChange) -> Mapping[str, list[str]]:
+    """What a step changes, as a record has it."""
+    return {
+        "adds": list(map(str, change.adds)),
+        "ends": list(map(str, change.ends)),
+        "events": list(map(str, change.events)),
+    }
 
 
 def looked_at(command: Command) -> dict[str, list[str]]:

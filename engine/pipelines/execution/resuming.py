@@ -16,7 +16,6 @@ from engine.pipelines.execution.records import read_atom, scope_of
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.simulation import Achievement, Memory, World
 from engine.pipelines.simulation.world import achievement
-from kb.model.problem import Problem
 from kb.terms import Atom
 
 Content = Mapping[str, Any]
@@ -63,7 +62,9 @@ class Past:
     entire: Callable[[], Compiled] | None = None  # the last plan with steps that a checkpoint has left out
     replans: bool = False  # the last plan leads nowhere any more
     added: str = ""
-    additions: list[dict[str, Any]] = field(default_factory=list)  # further commands, as a checkpoint has them
+    additions: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # further commands, as a checkpoint has them
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
 
     def __post_init__(self) -> None:

@@ -49,7 +49,9 @@ class Execution:
     exceptions: int = 0
     forecast_ms: int = 0
     story: list[str] = field(default_factory=list)
-    additions: list[dict[str, Any]] = field(default_factory=list)  # further commands, as a checkpoint has them
+    additions: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # further commands, as a checkpoint has them
 
     def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
         """Execute a first plan to the end of the run."""

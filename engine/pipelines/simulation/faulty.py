@@ -55,6 +55,8 @@ class Memory:
 
     def keeps(self, work: Achievement) -> bool:
         """Whether a step that is done may matter later."""
+        if not self.doubted:
+            return False
         achieved = (*work.added, *(atom for _, _, atom in work.moved))
         return work.step.name in self.since or any(atom.name in self.doubted for atom in achieved)
 
