@@ -42,6 +42,7 @@ lines = Table(
     sqlite_with_rowid=False,
 )
 PAGE = 5_000  # lines that are read at once
+_encoded = json.JSONEncoder(ensure_ascii=False).encode  # made once: `json.dumps` makes one for each line
 
 
 class JournalFailure(Exception):
@@ -182,7 +183,7 @@ class Journal(Database):
 
 
 def _row(line: Line) -> tuple[int, int, str, str]:
-    return line.number, line.at_ms, line.kind, json.dumps(line.content, ensure_ascii=False)
+    return line.number, line.at_ms, line.kind, _encoded(line.content)
 
 
 def _content(target: str, text: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from engine.pipelines.execution.recorder import Recorder, Watcher
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.running import Execution
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import Memory, World
 from engine.pipelines.simulator.driver import fault_base
 from engine.plugins import driver
 from engine.ports import DriverSetup
@@ -106,17 +106,15 @@ def resume(
         about = journal.known(run).document
         problem = problem_of(str(about["target"]), str(about["goals"]), str(about["command"]))
         base = fault_base(problem)
-        past = Past(World.of(problem, situation_of(problem).state), Scope(problem))
-        spoils = base is not None and any(cause.spoils for cause in base.causes.values())
-        past = past_of(journal, run, past, spoils)
+        start = World.of(problem, situation_of(problem).state)
+        past = past_of(journal, run, Past(start, Scope(problem), Memory.of(base)))
         if past.plan is None or past.ended in OVER:
             said = f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
             raise InvalidInput([Diagnostic(Source(run), "K421", said, "begin another run")])
         made = driver(str(about["driver"]), setup_of({**about, **past.run}, problem, run))
         try:
             recorder = Recorder(Ledger(journal, run), made.now_ms, watchers, past.last)
-            whole = past.whole or problem
-            ending = Execution(run, whole, made, recorder, orders, base, limits).resume(past)
+            ending = Execution(run, past.whole, made, recorder, orders, base, limits).resume(past)
             return _cleared(Wanted("", store=store, run=run, options=about["options"]), ending)
         finally:
             made.close()
