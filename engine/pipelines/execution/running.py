@@ -51,18 +51,17 @@ class Execution:
     story: list[str] = field(default_factory=list)
     added: bool = False  # whether a further command was given
 
-    def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
-        """Execute a first plan to the end of the run."""
+    def start(self, ready: Ready, world: World, approve: bool = False, scope: Scope | None = None) -> Finish:
+        """Execute a first plan to the end of the run. `scope` says which of the goals it is for; all, if it is not given."""
+        scope = scope or Scope(self.problem)
         compiled = queued(ready.compiled, self.driver.lookahead)
         standing = standing_of(compiled.program, self.driver.now_ms(), 1)
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
         if ready.notes:
             self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
-        course.plan_number = self.recorder.note(
-            RecordKind.PLAN, **plan_entry(ready, "first", Scope(self.problem))
-        ).number
-        return self.guarded(course, Scope(self.problem), approve)
+        course.plan_number = self.recorder.note(RecordKind.PLAN, **plan_entry(ready, "first", scope)).number
+        return self.guarded(course, scope, approve)
 
     def resume(self, past: Past) -> Finish:
         """Go on with a run whose journal was read. What was under way is settled with the driver first."""
