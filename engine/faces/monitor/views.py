@@ -1,24 +1,27 @@
 """The views of a run. Each is made once for a page, and shows the run as it stands when it is told to."""
 
 import asyncio
+import time
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from nicegui import background_tasks, ui
 
 from engine.faces.monitor.cell3d import Cell3D
-from engine.faces.monitor.charts import gantt
+from engine.faces.monitor.charts import MOST_BARS, gantt
 from engine.faces.monitor.choosing import related, steps_of, told_of
 from engine.faces.monitor.comparing import Compared
 from engine.faces.monitor.findings import Diagnosis, Results, Sequence
+from engine.faces.monitor.following import Watched
 from engine.faces.monitor.reasons import contact_states, reasons
-from engine.faces.monitor.tables import fill, made
+from engine.faces.monitor.tables import SHOWN, fill, made
 from engine.faces.monitor.viewing import View, picture
 from engine.formats.report import svg
 from engine.formats.report.execution import duration
 from engine.pipelines.execution.records import compiled_of
 
 LARGEST = 150  # steps of a plan that is drawn
+PAUSE_S = 0.5  # between two pictures of very many steps
 
 
 class Now(View):
@@ -34,6 +37,7 @@ class Now(View):
             self._goals = made(self.look.choose, "goal", "stands")
             self._chosen = ui.column().classes("gap-0 col").props('data-testid="chosen" role="status"')
         self._told: tuple[object, ...] = ()
+        self._drawn_s, self._rimmed = 0.0, frozenset[str]()
         self._field = ui.input("chosen: a step, a fact, an object").classes("w-96")
         self._field.props('dense clearable data-testid="choose"')
         self._field.on("keydown.enter", lambda: self.look.choose(str(self._field.value or "")))
@@ -43,7 +47,7 @@ class Now(View):
         """Show the run as it stands."""
         run = self.look.run
         chosen = self.look.step
-        self._chart.set_content(gantt(run, round(self.look.clock_ms), steps_of(run, chosen)))
+        self._draw(run, steps_of(run, chosen))
         current = [(stream, action, duration(since)) for stream, action, since, _ in run.under_way.values()]
         fill(self._current, current, related(run, chosen))
         fill(self._goals, sorted(run.goals.items()), related(run, chosen))
@@ -52,6 +56,18 @@ class Now(View):
         with self._log:
             for _, line in run.story[-8:]:
                 ui.label(line).classes("text-caption")
+
+    def sign(self) -> object:
+        """A picture of very many steps is due now and then."""
+        return self._due(self.look.run)
+
+    def _due(self, run: Watched) -> bool:
+        return len(run.bars) <= MOST_BARS or time.monotonic() - self._drawn_s >= PAUSE_S
+
+    def _draw(self, run: Watched, chosen: frozenset[str]) -> None:
+        if self._due(run) or chosen != self._rimmed:
+            self._drawn_s, self._rimmed = time.monotonic(), chosen
+            self._chart.set_content(gantt(run, round(self.look.clock_ms), chosen))
 
     def _tell(self, lines: list[str]) -> None:
         """Tell of what is chosen; why a step is in the plan takes a moment."""
@@ -153,23 +169,34 @@ class Objects(View):
         """Make what is shown, still empty."""
         self._search = ui.input("object").props('clearable dense data-testid="object"')
         self._table = made(self.look.choose, "from", "to", "step", "brought")
+        self._found, self._asked, self._until = list[dict[str, Any]](), "", 0
         self._search.on_value_change(self.show)
 
     def show(self) -> None:
         """Show the run as it stands."""
         run = self.look.run
         asked = self._search.value or ""
-        rows = [
-            (
-                duration(each["started_ms"]),
-                duration(each["ended_ms"]),
-                each["action"],
-                ", ".join(each["adds"]),
-            )
-            for each in run.histories
-            if asked in each["action"] or any(asked in fact for fact in each["adds"])
-        ]
-        fill(self._table, rows, related(run, self.look.step))
+        found = self._all(asked, run.number) if asked else run.histories
+        fill(self._table, [_done(each) for each in found[-SHOWN:]], related(run, self.look.step))
+
+    def _all(self, asked: str, number: int) -> list[dict[str, Any]]:
+        """The steps up to a record in which a name occurs; what was found before is not looked for again."""
+        if asked != self._asked:
+            self._found, self._asked, self._until = [], asked, 0
+        if number > self._until:
+            fresh = self.look.follower.done(self._until, number)
+            self._found += [each for each in fresh if any(asked in text for text in _texts(each))]
+            self._until = number
+        return [each for each in self._found if each["number"] <= number]
+
+
+def _texts(done: dict[str, Any]) -> list[str]:
+    return [str(done["action"]), *done["adds"]]
+
+
+def _done(each: dict[str, Any]) -> tuple[str, ...]:
+    times = duration(each["started_ms"]), duration(each["ended_ms"])
+    return (*times, each["action"], ", ".join(each["adds"]))
 
 
 class Log(View):
