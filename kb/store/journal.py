@@ -167,12 +167,15 @@ class Journal(Database):
             found = connection.execute(asked).first()
         return None if found is None else Line(number, found[0], found[1], _content(self.target, found[2]))
 
-    def lines(self, run: str, after: int = 0, kinds: Sequence[str] = ()) -> Iterator[Line]:
-        """The lines of a run behind a number, in order; only those of some kinds, if they are named."""
+    def lines(
+        self, run: str, after: int = 0, kinds: Sequence[str] = (), until: int | None = None
+    ) -> Iterator[Line]:
+        """The lines of a run behind a number, up to another one if it is given, in order; only of some kinds, if they are named."""
         while True:
             asked = select(lines.c.number, lines.c.at_ms, lines.c.kind, lines.c.content)
             asked = asked.where((lines.c.run == run) & (lines.c.number > after))
             asked = asked.where(lines.c.kind.in_(kinds)) if kinds else asked
+            asked = asked.where(lines.c.number <= until) if until is not None else asked
             with transaction(self._engine, self.target) as connection:
                 page = connection.execute(asked.order_by(lines.c.number).limit(PAGE)).all()
             for number, at_ms, kind, text in page:
