@@ -20,6 +20,9 @@ RELATED: dict[str, Callable[[int], bool]] = {
 }
 
 
+UNBOUNDED = 1 << 62  # more than any value
+
+
 @dataclass(eq=False)
 class Level:
     """One quantity, from `low` to `high`. It appends the atoms of the values that are met to `names`, the atoms of the task."""
