@@ -1,6 +1,7 @@
 """Plans in the format of the planning competitions: one action per line, in order."""
 
 from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 
 from engine.formats.interop.pddl import PddlProblem
@@ -21,7 +22,9 @@ def write_plan(task: PddlProblem, plan: Plan) -> str:
     lines = [
         f"({' '.join(_words(task, operators[step.operator.name], step.operator))})" for step in plan.steps
     ]
-    return "\n".join([*lines, f"; cost = {plan.cost}"]) + "\n"
+    cost = Fraction(plan.cost, task.unit_of_cost)
+    said = cost if cost.denominator == 1 else float(cost)
+    return "\n".join([*lines, f"; cost = {said}"]) + "\n"
 
 
 def _words(task: PddlProblem, operator: Operator, instance: Function) -> Iterator[str]:
