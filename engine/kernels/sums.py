@@ -106,20 +106,12 @@ class Repetitions:
 
 def _times(total: int, relation: int, gain: int) -> int:
     """How many steps a sum needs until it compares with 0 as wanted, at least 1; -1 if they lead away from it."""
-    if gain == 0 or relation == DIFFERENT:
+    if gain == 0 or relation == DIFFERENT or _holds(total, relation):
         return 1
     if relation == LESS:
         total += 1
     elif relation == MORE:
         total -= 1
-    if relation == EQUAL:
-        if total == 0:
-            return 1
-    elif relation == LESS or relation == AT_MOST:
-        if total <= 0:
-            return 1
-    elif total >= 0:
-        return 1
     if (total > 0) == (gain > 0):
         return -1
     if total < 0:

@@ -55,14 +55,15 @@ class ConditionReader:
                 return Or((self._negated(premise), conclusion))
             case "exists" | "forall" if len(at.rest) == 2 and isinstance(at.rest[0], Group):
                 return self._quantified(at, types)
-            case "=":
-                return self._equality(at, types)
-            case head if head in COMPARISONS:
-                return self.numbers.comparison(at, lambda group: self.function(group, types))
             case _:
-                return self._literal(at, types)
+                return self._simple(at, types)
 
-    def _literal(self, at: Group, types: Types) -> Condition:
+    def _simple(self, at: Group, types: Types) -> Condition:
+        """A comparison or a literal."""
+        if at.head == "=":
+            return self._equality(at, types)
+        if at.head in COMPARISONS:
+            return self.numbers.comparison(at, lambda group: self.function(group, types))
         atom = self.atom(at, types)
         return TRUE if atom is None else Literal(atom)
 

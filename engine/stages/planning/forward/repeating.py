@@ -56,12 +56,13 @@ class Repeating:
 
 def _repeated(operators: Sequence[GroundOperator], axioms: Axioms) -> Iterator[Repeated]:
     by_level: dict[Level, list[int]] = {}
-    for number, test in enumerate(axioms.tests):
-        for level, _ in test.sum.parts:
-            by_level.setdefault(level, []).append(number)
+    for place, each in enumerate(axioms.tests):
+        for level, _ in each.sum.parts:
+            by_level.setdefault(level, []).append(place)
     for number, operator in enumerate(operators):
-        moved = dict.fromkeys(each for change in operator.changes for each in by_level.get(change.level, ()))
-        for test in moved:
+        for test in dict.fromkeys(
+            test for change in operator.changes for test in by_level.get(change.level, ())
+        ):
             gain = _gain(operator, axioms.tests[test])
             if gain is not None:
                 yield from _towards(number, test, gain, axioms)
