@@ -74,7 +74,7 @@ def plan_moving(
     while len(refused) <= MOST_BARS:
         left, given_up = within_reach(problem, lost)
         asked = without_blocked(left, refused)
-        run = (patched(asked, last, refused[-1].step, Limits(seed=seed)) if last else None) or planned(asked)
+        run = (_patched(asked, last, refused[-1].step, seed) if last else None) or planned(asked)
         if not isinstance(run.outcome, Found):
             if more := _lost(problem, refused, lost):
                 lost = {**lost, **more}
@@ -90,6 +90,16 @@ def plan_moving(
         return replace(made, given_up=given_up)
     reason = f"{len(refused)} steps have no motion; the last: {told(refused[-1:])}"
     return Moving(Run(GaveUp(reason, "work")), problem, refused=tuple(refused))
+
+
+def _patched(problem: Problem, last: Run, failed: StepId, seed: int) -> Run | None:
+    """The last run with the part of a step replanned that has no motion, if it follows a sequence and the rest can stay."""
+    if last.itinerary is None or not isinstance(last.outcome, Found):
+        return None
+    found = patched(problem, last.outcome.plan, last.itinerary, failed, Limits(seed=seed))
+    if not isinstance(found, Found):
+        return None if found is None else Run(found, None, last.itinerary)
+    return Run(found, keeping(problem, found.plan), last.itinerary)
 
 
 def _lost(problem: Problem, refused: Sequence[Unmoved], lost: Mapping[str, str]) -> dict[str, str]:

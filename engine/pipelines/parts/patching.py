@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from engine.model.measurements import named
-from engine.model.outcome import Found, Infeasible
+from engine.model.outcome import Found, Infeasible, Outcome
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.objective import Run
 from engine.pipelines.parts.chain import Chain
 from engine.pipelines.parts.itinerary import Itinerary, Part
 from engine.pipelines.parts.joining import joined
 from engine.pipelines.parts.memory import Notebook
-from engine.pipelines.timetable import keeping
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.program import Vocabulary
 from engine.stages.macros.lifted.execution import changes_of
@@ -36,16 +34,16 @@ class _Old:
     ends: Mapping[str, int]
 
 
-def patched(problem: Problem, run: Run, failed: StepId, limits: Limits = Limits()) -> Run | None:
-    """The run with the part of the failed step planned anew, and the parts behind it until all is as it was.
+def patched(
+    problem: Problem, plan: Plan, way: Itinerary, failed: StepId, limits: Limits = Limits()
+) -> Outcome | None:
+    """The plan with the part of the failed step planned anew, and the parts behind it until all is as it was.
 
-    `problem` is that of the run, with fewer goals or stricter operators. The answer is infeasible if the part has no plan of its own;
-    None if the run follows no sequence, or another plan must be found.
+    `problem` is that of the plan, with fewer goals or stricter operators. The answer is infeasible if the part has no plan of its
+    own; None if another plan must be found.
     """
-    way, outcome = run.itinerary, run.outcome
-    steps = outcome.plan.steps if isinstance(outcome, Found) else ()
-    known = {operator.name for operator in problem.domain.operators}
-    if way is None or any(step.operator.name not in known for step in steps):
+    steps, known = plan.steps, {operator.name for operator in problem.domain.operators}
+    if any(step.operator.name not in known for step in steps):
         return None
     state, contradicted = initial_state(problem, Vocabulary(problem.domain))
     if contradicted:
@@ -54,9 +52,7 @@ def patched(problem: Problem, run: Run, failed: StepId, limits: Limits = Limits(
     old = _replayed(problem, start, steps, way)
     at = next(n for n, step in enumerate(steps) if step.id == failed)
     found = _gone_on(problem, way, old, at, start, limits)
-    if isinstance(found, Infeasible):
-        return Run(found, None, way)
-    return None if found is None else _made(problem, way, start, found)
+    return _made(problem, start, found) if isinstance(found, list) else found
 
 
 def _replayed(problem: Problem, start: Situation, steps: Sequence[Step], way: Itinerary) -> _Old:
@@ -111,8 +107,8 @@ def _alike(one: State, other: State, lost: set[str]) -> bool:
     return all(named(Literal(atom), lost) for atom in one ^ other)
 
 
-def _made(problem: Problem, way: Itinerary, start: Situation, steps: Sequence[Step]) -> Run | None:
+def _made(problem: Problem, start: Situation, steps: Sequence[Step]) -> Found | None:
     goals = (goal_literal(goal) for goal in goal_parts(problem.goal))
-    plan: Plan = joined(start, steps, [goal for goal in goals if goal is not None])
+    plan = joined(start, steps, [goal for goal in goals if goal is not None])
     plan, wrong = PlanGate().settled(problem, plan)
-    return None if wrong else Run(Found(plan), keeping(problem, plan), way)
+    return None if wrong else Found(plan)
