@@ -22,16 +22,20 @@ from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom
 
-State = frozenset[Atom]
-
 
 @dataclass(frozen=True)
 class _Old:
-    """The plan as it was: its steps, the state before each and after the last, and after which step each measurement is made."""
+    """The plan as it was: its steps, what each has changed, and after which step each measurement is made."""
 
     steps: Sequence[Step]
-    states: Sequence[State]
+    changes: Sequence[StepChange]
     ends: Mapping[str, int]
+
+    def went_on(self, state: set[Atom], first: int, last: int) -> None:
+        """Change a state as the steps from the first to before the last have done."""
+        for change in self.changes[first:last]:
+            state.difference_update(change.ends)
+            state.update(change.adds)
 
 
 def patched(
@@ -49,20 +53,11 @@ def patched(
     if contradicted:
         return None
     start = Situation.of(CellDomain(problem), state)
-    old = _replayed(problem, start, steps, way)
+    changes = changes_of(start, steps)
+    old = _Old(steps, changes, _ends(problem, changes, {name for name, _ in way.visits}))
     at = next(n for n, step in enumerate(steps) if step.id == failed)
     found = _gone_on(problem, way, old, at, start, limits)
     return _made(problem, start, found) if isinstance(found, list) else found
-
-
-def _replayed(problem: Problem, start: Situation, steps: Sequence[Step], way: Itinerary) -> _Old:
-    changes = changes_of(start, steps)
-    states, facts = [start.state], set(start.state)
-    for change in changes:
-        facts = (facts - set(change.ends)) | set(change.adds)
-        states.append(frozenset(facts))
-    names = {name for name, _ in way.visits}
-    return _Old(steps, states, _ends(problem, changes, names))
 
 
 def _ends(problem: Problem, changes: Sequence[StepChange], names: set[str]) -> dict[str, int]:
@@ -80,17 +75,23 @@ def _gone_on(
 ) -> list[Step] | Infeasible | None:
     """The steps up to the part of the failed one, the parts from there on until the state is the old one, and the rest as it was."""
     begins = max((end + 1 for end in old.ends.values() if end < at), default=0)
-    here = Situation.of(start.world, old.states[begins])
-    line = Chain(problem, here, Notebook(), limits, list(old.steps[:begins]))
-    parts = [part for part in way.parts(problem) if old.ends.get(part.name, len(old.steps)) >= begins]
-    lost = {name for name in old.ends if name not in {part.name for part in way.parts(problem)}}
+    was = set(start.state)
+    old.went_on(was, 0, begins)
+    line = Chain(problem, Situation.of(start.world, was), Notebook(), limits, list(old.steps[:begins]))
+    every = way.parts(problem)
+    parts = [part for part in every if old.ends.get(part.name, len(old.steps)) >= begins]
+    lost, gone = set(old.ends) - {part.name for part in every}, begins
     for part in parts:
         failed = line.run([part])
         if failed is not None:
             return _hopeless(line, part, start)
         end = old.ends.get(part.name)
-        if end is not None and end >= at and _alike(line.here.state, old.states[end + 1], lost):
-            return [*line.steps, *old.steps[end + 1 :]]
+        if end is None or end < at:
+            continue
+        old.went_on(was, gone, end + 1)
+        gone = end + 1
+        if _alike(line.here.state, was, lost):
+            return [*line.steps, *old.steps[gone:]]
     return line.steps
 
 
@@ -102,7 +103,7 @@ def _hopeless(line: Chain, part: Part, start: Situation) -> Infeasible | None:
     return Infeasible(f"{about}{alone.reason}", alone.statistics)
 
 
-def _alike(one: State, other: State, lost: set[str]) -> bool:
+def _alike(one: frozenset[Atom], other: set[Atom], lost: set[str]) -> bool:
     """Whether two states differ in nothing but what is about lost measurements."""
     return all(named(Literal(atom), lost) for atom in one ^ other)
 
