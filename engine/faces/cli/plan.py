@@ -198,7 +198,7 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
         plan_forms.document(made, stats) if form is PlanForm.JSON else {},
         text=lambda: plan_forms.text(made, stats, work.folded),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
-        diagnostics=losses(made.origin, work.store),
+        diagnostics=(*losses(made.origin, work.store), *(made.task.warnings if made.task else ())),
         raw=plan_forms.raw(made, form),
     )
 

@@ -14,6 +14,7 @@ from engine.faces.cli.supervision import Watching
 
 if TYPE_CHECKING:
     from engine.model.execution import Finish
+    from engine.pipelines.execution import Wanted
     from engine.pipelines.moves.planning import Moving
     from engine.stages.planning import Limits
     from kb.model.problem import Problem
@@ -124,9 +125,8 @@ def default_store() -> str:
 def _run(
     asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool, format: Form
 ) -> Answer:
-    from engine.pipelines.execution import Scope, Wanted, begin, named
+    from engine.pipelines.execution import Wanted, listed
     from engine.pipelines.planning import problem_of
-    from engine.stages.planning import Limits
 
     problem = problem_of(asked.target, asked.goals, asked.command)
     store = asked.store or default_store()
@@ -135,7 +135,16 @@ def _run(
         asked.target, asked.goals, asked.command, asked.driver, store, asked.name, asked.seed, asked.factor, given,
         asked.approve,
     )  # fmt: skip
-    wanted = named(wanted, problem)
+    with listed(wanted, problem) as entered:
+        return _carried_out(entered, asked, problem, events, shown, format)
+
+
+def _carried_out(
+    wanted: "Wanted", asked: Asked, problem: "Problem", events: str, shown: bool, format: Form
+) -> Answer:
+    from engine.pipelines.execution import Scope, begin
+    from engine.stages.planning import Limits
+
     if shown:
         from engine.faces.cli.terminal import say
         from engine.formats.report.narration import understood

@@ -1,7 +1,8 @@
 """Begins a run: the plan, the driver, the journal, and all that they need of each other."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,12 +21,12 @@ from engine.pipelines.execution.recorder import Recorder, Watcher
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.running import Execution
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import Memory, World
 from engine.pipelines.simulator.driver import fault_base
 from engine.plugins import driver
 from engine.ports import DriverSetup
 from engine.stages.planning import Limits
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.problem import Problem
 from kb.store.journal import Journal, Line
 
@@ -105,29 +106,20 @@ def resume(
 ) -> Finish:
     """Go on with a run from its journal. Raises `InvalidInput` if there is none, or if it is over."""
     with Journal(store) as journal:
-        known = journal.run(run)
-        if known is None:
-            names = [each.run for each in journal.begun()]
-            hint = nearest(run, names) or (
-                f"one of: {', '.join(names[-8:])}" if names else "this journal has none"
-            )
-            raise InvalidInput([Diagnostic(Source(run), "K421", "there is no run of this name", hint)])
-        about = known.document
+        about = journal.known(run).document
         problem = _problem(str(about["target"]), str(about["goals"]), str(about["command"]))
         first_line = journal.line(run, 1)
         problem = with_knowledge(problem, first_line.content if first_line else {})
         base = fault_base(problem)
-        past = Past(World.of(problem, situation_of(problem).state), Scope(problem))
-        spoils = base is not None and any(cause.spoils for cause in base.causes.values())
-        past = past_of(journal, run, past, spoils)
+        start = World.of(problem, situation_of(problem).state)
+        past = past_of(journal, run, Past(start, Scope(problem), Memory.of(base)))
         if past.plan is None or past.ended in OVER:
             said = f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
             raise InvalidInput([Diagnostic(Source(run), "K421", said, "begin another run")])
         made = driver(str(about["driver"]), setup_of({**about, **past.run}, problem, run))
         try:
             recorder = Recorder(Ledger(journal, run), made.now_ms, watchers, past.last)
-            whole = past.whole or problem
-            ending = Execution(run, whole, made, recorder, orders, base, limits).resume(past)
+            ending = Execution(run, past.whole, made, recorder, orders, base, limits).resume(past)
             return _cleared(Wanted("", store=store, run=run, options=about["options"]), ending)
         finally:
             made.close()
@@ -174,6 +166,17 @@ def named(wanted: Wanted, problem: Problem) -> Wanted:
                 return made
     hint = f"give another name with --name, or go on with it: cellwright resume {wanted.run}"
     raise InvalidInput([Diagnostic(Source("--name"), "K421", f"there is a run {wanted.run} already", hint)])
+
+
+@contextmanager
+def listed(wanted: Wanted, problem: Problem) -> Iterator[Wanted]:
+    """As `named`, for as long as the run is begun; one that is refused, or that has no plan, is not listed afterwards."""
+    made = named(wanted, problem)
+    try:
+        yield made
+    finally:
+        with suppress(InvalidInput), Journal(made.store) as journal:
+            journal.withdraw(made.run)
 
 
 def _cleared(wanted: Wanted, ending: Finish) -> Finish:

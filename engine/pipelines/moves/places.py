@@ -13,7 +13,7 @@ from kb.model.cell import Cell, Measuring, Place, Placement
 from kb.model.conventions import Conventions
 from kb.model.motion import Motion
 from kb.model.problem import Problem
-from kb.terms import Function, Number
+from kb.terms import Number
 
 MICRO = 1e-6
 
@@ -81,8 +81,3 @@ def measured_at(words: Conventions, place: str) -> str:
     """The measurement that a place belongs to; empty if it is another place."""
     head, _, rest = place.partition("(")
     return rest.removesuffix(")") if head == words.meas else ""
-
-
-def constant(name: str) -> Function:
-    """A name as a term."""
-    return Function(name)

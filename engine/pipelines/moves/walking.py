@@ -188,13 +188,6 @@ class Walk:
         return float(SECONDS[self.semantics.problem.domain.time_unit])
 
 
-def walked(
-    semantics: Semantics, cell: Cell, backend: GeometryBackend, plan: Plan, seed: int = 0
-) -> list[MovedStep | Unmoved]:
-    """The motion of each step of a plan that has one; the last is the first that has none, if there is such a step."""
-    return list(Walk(semantics, cell, backend, seed).steps(plan))
-
-
 def operation_of(cell: Cell, step: Function) -> Operation | None:
     """What an arm does in a step, its place without variables; None if the cell declares nothing for it."""
     for operation in cell.operations:

@@ -130,7 +130,7 @@ class Body:
         return found
 
     def _moved(self, before: Facts, after: Facts) -> list[str]:
-        """Parts and joints that two sets of facts put elsewhere, but for the fingers."""
+        """Parts and joints that two sets of facts put elsewhere, except for the fingers."""
         one, other = self._world(before), self._world(after)
         hands = {each for arm in self.cell.arms for each in hand_of(one, arm)}
         return [
