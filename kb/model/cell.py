@@ -259,6 +259,29 @@ class Measuring:
     patch_m: tuple[float, float] = (0.0, 0.0)
 
 
+class Sensing(Enum):
+    """What a sensor reads."""
+
+    JOINT = "joint"  # how far a body is along its joint (m or rad)
+    FORCE = "force"  # how hard something presses against a body (N)
+    LOAD = "load"  # how heavy what an arm holds is on its hand (N)
+    DISTANCE = "distance"  # how far the nearest thing is along z of a frame (m)
+    SLIP = "slip"  # how fast what touches a body slides along it (m/s)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A sensor reads something `of` a body, arm or frame. A reading is the range (least, greatest) that the value lies in.
+
+    `tells` names the outcome of a test by a reading, where the two have different names.
+    """
+
+    sensing: Sensing
+    of: str
+    readings: Mapping[str, tuple[float, float]]
+    tells: Mapping[str, str] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, slots=True)
 class Cell:
     """A cell. Mappings keep the order of declaration."""
@@ -274,4 +297,5 @@ class Cell:
     zones: Mapping[str, Zone] = field(default_factory=dict)
     operations: tuple[Operation, ...] = ()
     measuring: Mapping[str, Measuring] = field(default_factory=dict)
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
     path: str = ""

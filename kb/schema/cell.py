@@ -125,6 +125,28 @@ class MeasuringEntry(Strict):
     )
 
 
+Range = Annotated[list[Quantity], Field(min_length=2, max_length=2)]
+
+
+class SensorEntry(Strict):
+    """What a sensor reads: give one of `joint`, `force`, `load`, `distance` and `slip`."""
+
+    joint: str | None = Field(None, description="the body whose way along its joint it reads")
+    force: str | None = Field(None, description="the body against which something presses, in N")
+    load: str | None = Field(None, description="the arm that carries the weight which it reads, in N")
+    distance: str | None = Field(
+        None, description="the frame along whose z it reads how far the nearest thing is"
+    )
+    slip: str | None = Field(None, description="the body along which something slides, per second")
+    readings: dict[str, Range] = Field(
+        description="a reading, and the least and the greatest value that it has; the nearest one counts between two"
+    )
+    tells: dict[str, str] = Field(
+        default_factory=dict,
+        description="a reading, and the outcome of a test that it means, where that has another name",
+    )
+
+
 class CellFile(Strict):
     """A `cell.yaml`: the geometry of a cell."""
 
@@ -163,4 +185,7 @@ class CellFile(Strict):
     measuring: dict[str, MeasuringEntry] = Field(
         default_factory=dict,
         description="a tool, and how it takes the measurements whose position a problem gives",
+    )
+    sensors: dict[str, SensorEntry] = Field(
+        default_factory=dict, description="a sensor of the domain, and what it reads"
     )

@@ -68,10 +68,36 @@ def test_a_tool_that_sticks_in_the_hand_is_not_put_down_until_that_is_mended() -
     assert "location(us_probe, t3_746, in_rack)" in set(map(str, cell.world.facts))
 
 
+EMPTY = {
+    "wrist_force": "unloaded",
+    "distance": "clear",
+    "grip_width": "wide_open",
+    "grip_force": "slack",
+    "slippage": "still",
+}
+FULL = {
+    "wrist_force": "loaded",
+    "distance": "obstructed",
+    "grip_width": "on_probe",
+    "grip_force": "tight",
+    "slippage": "still",
+}
+
+
+def sensed(cell: HiddenCell) -> dict[str, str | None]:
+    """What each sensor of the gripper replies."""
+    return {name: cell.take(f"sense({name})", "value(Reading)") for name in EMPTY}
+
+
 @pytest.mark.slow
-def test_what_is_as_the_model_says_works() -> None:
+def test_what_is_as_the_model_says_works_and_sensors_read_it_from_the_physics() -> None:
     cell = cell_with()
-    assert [cell.take(step, "done") for step in PICK] == ["done"] * 3
+    assert [cell.take(step, "done") for step in PICK[:2]] == ["done"] * 2
+    assert sensed(cell) == {name: f"value({shown})" for name, shown in EMPTY.items()}
+    assert cell.missing(["shows(grip_width, on_probe)"]) == "shows(grip_width, on_probe)"
+    assert cell.take(PICK[2], "done") == "done"
+    assert sensed(cell) == {name: f"value({shown})" for name, shown in FULL.items()}
+    assert cell.missing([f"shows({name}, {shown})" for name, shown in FULL.items()]) == ""
     assert cell.faults == []
 
 
@@ -82,6 +108,9 @@ def test_a_part_that_slips_out_of_the_hand_is_not_gripped() -> None:
     assert [fault.causes for fault in cell.faults] == [("not_gripped",)]
     assert "at(probe_1, slot(drawer, 1))" in set(map(str, cell.world.facts))
     assert cell.answer("sense_grip_width") == "closed_wholly"
+    assert cell.answer("sense_grip_force") == "slack"
+    assert cell.answer("sense_wrist_force") == "plausible"
+    assert cell.take("sense(grip_width)", "value(Reading)") == "value(wide_open)"
 
 
 def test_a_drawer_that_is_blocked_does_not_open_until_somebody_has_cleared_it() -> None:

@@ -1,6 +1,7 @@
 """From a problem to a plan that moves: plan, walk through it with the arm, and plan again where a step has no motion.
 
-A step without a motion becomes a condition of its operator (`bars`), and planning goes on. When every step moves, its real
+A step without a motion becomes a condition of its operator (`bars`), and planning goes on: where measurements are made in an order,
+only from the measurement of that step on, until all is as it was. When every step moves, its real
 time replaces the declared one, the steps are scheduled again, and the plan passes the gate with these times.
 """
 
@@ -19,10 +20,12 @@ from engine.pipelines.moves.places import measured_at
 from engine.pipelines.moves.states import in_order
 from engine.pipelines.moves.walking import Walk, Ways
 from engine.pipelines.objective import Run
+from engine.pipelines.parts.patching import patched
 from engine.pipelines.timetable import keeping, own_order, timed
 from engine.pipelines.timetable.kept import LONG
 from engine.ports import GeometryBackend
 from engine.stages.grounding import ground
+from engine.stages.planning import Limits
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Cell
 from kb.model.plan import Plan, StepId
@@ -67,10 +70,11 @@ def plan_moving(
     _require_operations(cell)
     refused: list[Unmoved] = []
     walk = Walk(PlanGate().semantics(problem), cell, backend, seed, ways=ways or {})
+    last: Run | None = None
     while len(refused) <= MOST_BARS:
         left, given_up = within_reach(problem, lost)
         asked = without_blocked(left, refused)
-        run = planned(asked)
+        run = (_patched(asked, last, refused[-1].step, seed) if last else None) or planned(asked)
         if not isinstance(run.outcome, Found):
             if more := _lost(problem, refused, lost):
                 lost = {**lost, **more}
@@ -79,12 +83,23 @@ def plan_moving(
         steps = list(walk.steps(run.outcome.plan))
         if steps and isinstance(steps[-1], Unmoved):
             refused.append(steps[-1])
+            last = run
             continue
         moved = [each for each in steps if isinstance(each, MovedStep)]
         made = _in_real_time(_Asked(left, asked, walk), run, moved, refused)
         return replace(made, given_up=given_up)
     reason = f"{len(refused)} steps have no motion; the last: {told(refused[-1:])}"
     return Moving(Run(GaveUp(reason, "work")), problem, refused=tuple(refused))
+
+
+def _patched(problem: Problem, last: Run, failed: StepId, seed: int) -> Run | None:
+    """The last run with the part of a step replanned that has no motion, if it follows a sequence and the rest can stay."""
+    if last.itinerary is None or not isinstance(last.outcome, Found):
+        return None
+    found = patched(problem, last.outcome.plan, last.itinerary, failed, Limits(seed=seed))
+    if not isinstance(found, Found):
+        return None if found is None else Run(found, None, last.itinerary)
+    return Run(found, keeping(problem, found.plan), last.itinerary)
 
 
 def _lost(problem: Problem, refused: Sequence[Unmoved], lost: Mapping[str, str]) -> dict[str, str]:

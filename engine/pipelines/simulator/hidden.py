@@ -2,13 +2,13 @@
 
 import random
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from engine.model.cases import Hypothesis
 from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, World, WorldState
 from engine.pipelines.simulation.world import achievement
+from engine.pipelines.simulator.physical import PhysicalBody, reading_by, told_by
 from engine.stages.diagnosis.knowledge import CURED
 from engine.stages.diagnosis.revision import binding_of
 from engine.stages.diagnosis.world import HiddenWorld
@@ -20,7 +20,7 @@ from kb.model.domain import Kind
 from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Step, StepId
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, match
+from kb.terms import Function, match
 
 SILENCE = "timeout"  # the reply of the fault base for a step that is never answered
 FAILED = "failed"
@@ -50,26 +50,6 @@ class Fault:
     answers: HiddenWorld
 
 
-class PhysicalBody(Protocol):
-    """What a cell is made of, where steps of arms are really moved: it knows whether they have worked."""
-
-    def carries_out(self, step: Function, before: Collection[Atom], after: Collection[Atom]) -> bool:
-        """Take a step; whether it has led from the facts before it to those after it."""
-        ...
-
-    def misfit(self, facts: Collection[Atom], before: Collection[Atom], after: Collection[Atom]) -> int:
-        """After such a step, in how many bodies some facts are wrong."""
-        ...
-
-    def failed(self, facts: Collection[Atom]) -> None:
-        """A step has failed, and these facts are true now."""
-        ...
-
-    def repaired(self, before: Collection[Atom], after: Collection[Atom]) -> None:
-        """A repair has helped, and has led from some facts to others."""
-        ...
-
-
 @dataclass
 class HiddenCell:
     """A cell as it really is. `faults` are there now; the state is that of `world` as long as none is.
@@ -86,6 +66,7 @@ class HiddenCell:
     times: dict[str, int] = field(default_factory=dict)
     helped: list[str] = field(default_factory=list)
     body: PhysicalBody | None = None
+    expected: WorldState | None = None  # after the last step that physics has made fail, had it worked
 
     def __post_init__(self) -> None:
         self.dynamics = Dynamics(self.problem)
@@ -112,7 +93,14 @@ class HiddenCell:
             after = self.dynamics.after(step, before)
             if not self.body.carries_out(step, before.facts, after.facts):
                 return self._shown(step, self.body, before, after)
-        return self._reply(step, expects) if not self._refused(step) else self._blind(step)
+        if self._refused(step):
+            return self._blind(step)
+        return self._sensed(step, expects) or self._reply(step, expects)
+
+    def _sensed(self, step: Function, expects: str) -> str:
+        """The reply to a step that reads a sensor of a physical cell; empty for another one."""
+        shown = reading_by(self.body, step) if expects.startswith("value(") else ""
+        return f"value({shown})" if shown else ""
 
     def _injected(self, step: Function) -> tuple[Injection, Interruption] | None:
         for each in self.injections:
@@ -144,6 +132,7 @@ class HiddenCell:
 
         Of several that explain it as well, the most frequent one is there.
         """
+        self.expected = after
         model, found = self.model, list[tuple[int, float, Injection, Interruption]]()
         for each in _exceptions(model, step) if model is not None else ():
             assert model is not None
@@ -220,7 +209,13 @@ class HiddenCell:
         known = self.problem.domain.predicates
         seen = {name for name, each in known.items() if each.kind in (Kind.FLUENT, Kind.DERIVED)}
         atoms = {text: _instance(text) for text in looked_at}
-        return next((text for text, atom in atoms.items() if atom.name in seen and atom not in facts), "")
+        for text, atom in atoms.items():
+            shown = reading_by(self.body, atom)
+            if shown and str(atom.arguments[-1]) != shown:
+                return text
+            if not shown and atom.name in seen and atom not in facts:
+                return text
+        return ""
 
     def answer(self, action: str) -> str:
         """The outcome of a test or a repair. A repair that helps puts right what it was for."""
@@ -236,7 +231,16 @@ class HiddenCell:
         if action in self.model.repairs:
             return self._repaired(action, outcomes)
         test = self.model.tests[action]
+        if self.body is not None and (told := told_by(self.body, test, self._is_usual)):
+            return told
         return next((each for each in outcomes if each != test.otherwise), test.otherwise)
+
+    def _is_usual(self, sensor: str, shown: str) -> bool:
+        """Whether a sensor would have a reading, had the last step worked that physics has made fail."""
+        if self.expected is None:
+            return False
+        facts, terms = self.dynamics.facts(self.expected), (Function(sensor), Function(shown))
+        return any(Function(name, terms) in facts for name in self.problem.domain.predicates)
 
     def _repaired(self, action: str, outcomes: Sequence[str]) -> str:
         assert self.model is not None

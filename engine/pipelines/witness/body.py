@@ -8,6 +8,7 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.moves import MovedStep
 from engine.pipelines.moves.walking import Walk, operation_of
+from engine.pipelines.witness.sensing import reading
 from engine.pipelines.witness.stage import SETTLE_S, Stage, value_of
 from engine.pipelines.witness.tree import hand_of, is_free
 from engine.stages.geometry.world.following import following
@@ -40,6 +41,7 @@ class Body:
     def __init__(self, walk: Walk, start: Facts, hindrance: Hindrance = Hindrance()) -> None:
         self.walk, self.cell, self.stage = walk, walk.cell, Stage(following(World.of(walk.cell), start))
         self.hindrance = hindrance
+        self._failed: Facts | None = None
         if hindrance.friction is not None:
             self.stage.make_slippery(hindrance.friction)
         for name in hindrance.blocked:
@@ -49,6 +51,7 @@ class Body:
 
     def carries_out(self, step: Function, before: Facts, after: Facts) -> bool:
         """Take a step; whether all bodies that it moves are then where the facts put them. A step without a motion is done."""
+        self._open_after_failure()
         operation = operation_of(self.cell, step)
         if operation is None:
             return True
@@ -74,11 +77,26 @@ class Body:
         return wrong
 
     def failed(self, facts: Facts) -> None:
-        """The hand is as the facts say after a step that has failed."""
-        world = self._world(facts)
+        """A step has failed. The hand will be as the facts say when something is done next; until then sensors read how it is."""
+        self._failed = facts
+
+    def reading(self, sensor: str) -> str:
+        """What a sensor of the cell reads now; empty for one that it has not."""
+        known = self.cell.sensors.get(sensor)
+        return reading(self.stage, self.stage.world, known) if known else ""
+
+    def tells(self, sensor: str, shown: str) -> str:
+        """The outcome of a test that a reading means; the reading itself, if the cell says nothing else."""
+        return self.cell.sensors[sensor].tells.get(shown, shown)
+
+    def _open_after_failure(self) -> None:
+        if self._failed is None:
+            return
+        world = self._world(self._failed)
         for arm in self.cell.arms:
             self.stage.fingers(arm, world, closed=False)
         self.stage.wait(SETTLE_S)
+        self._failed = None
 
     def repaired(self, before: Facts, after: Facts) -> None:
         """A repair has helped: nothing is blocked or stuck any more, and what it has brought somewhere is there."""
@@ -91,6 +109,7 @@ class Body:
             if name in self._placed(after) and not self._is_where(name, after):
                 self.stage.put(name, world)
         self.failed(after)
+        self._open_after_failure()
 
     def _world(self, facts: Facts) -> World:
         return following(World.of(self.cell), facts)

@@ -9,7 +9,7 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep
 from engine.pipelines.moves.walking import operation_of
-from engine.pipelines.witness.model import STEP_S, dragged_by_hand, quaternion, written
+from engine.pipelines.witness.model import GRIP_N, STEP_S, dragged_by_hand, quaternion, written
 from engine.pipelines.witness.tools import Latches
 from engine.pipelines.witness.tree import carriers_of, exchanged, hand_of, held_by, in_hand, is_free, worn_by
 from engine.stages.geometry import transforms
@@ -18,7 +18,7 @@ from kb.model.cell import BodyKind, JointKind
 
 LOOK_S = 0.01  # how often contacts are looked at
 LEAST_N = 1.0  # a contact with less force is a graze of rounding
-SQUEEZE_M = 0.006  # how much farther than the thing that is gripped the fingers want to close
+GRIPS_N = 18.0  # how hard a finger presses against what it grips
 SETTLE_S = 0.5
 CATCH_UP_S = 0.2  # after a leg: the servos lag behind
 BLOCKED_KG = 1e6
@@ -126,7 +126,11 @@ class Stage:
     def _at_place(self, arm: str, takes_s: float, drags: str, before: World, after: World) -> None:
         self.fingers(arm, after, closed=bool(drags))
         for name, body in after.cell.bodies.items():
-            changed = body.guide is not None and abs(value_of(after, name) - value_of(before, name)) > 1e-9
+            changed = (
+                body.guide is not None
+                and not body.guide.follows
+                and abs(value_of(after, name) - value_of(before, name)) > 1e-9
+            )
             if changed and name != drags and name not in hand_of(after, arm):
                 self._aim(name, value_of(after, name))
         for tool in self.tools:
@@ -134,12 +138,21 @@ class Stage:
         self.wait(max(takes_s, SETTLE_S))
 
     def fingers(self, arm: str, world: World, closed: bool) -> None:
-        """The fingers go where the facts put them, somewhat closer around what they hold; or all the way."""
+        """The fingers go where the facts put them; they close until they meet what they hold, or all the way."""
         for name in hand_of(world, arm):
             guide = world.cell.bodies[name].guide
             assert guide is not None
-            value = value_of(world, name)
-            self._aim(name, guide.upper if closed else value + (SQUEEZE_M if value > 1e-9 else 0.0))
+            grips = not closed and value_of(world, name) > 1e-9
+            self._strong(name, grips)
+            self._aim(name, guide.upper if closed or grips else value_of(world, name))
+
+    def _strong(self, finger: str, grips: bool) -> None:
+        """A finger that grips presses with a force of its own; else its drive does what it can."""
+        bodies = self.world.cell.bodies
+        most = GRIPS_N if grips else GRIP_N
+        for name, body in bodies.items():
+            if name == finger or (body.guide is not None and body.guide.follows == finger):
+                self.model.actuator_forcerange[self.model.actuator(name).id] = -most, most
 
     def _follow(self, leg: Leg, drags: str, before: World, after: World) -> None:
         began = self.data.time
@@ -171,7 +184,7 @@ class Stage:
         force = np.zeros(6)
         for number in range(self.data.ncon):
             contact = self.data.contact[number]
-            names = tuple(sorted(self._body(geom) for geom in contact.geom))
+            names = tuple(sorted(self.body_of(geom) for geom in contact.geom))
             if contact.dist >= 0 or not self._is_strange(names):
                 continue
             mujoco.mj_contactForce(self.model, self.data, number, force)
@@ -180,7 +193,8 @@ class Stage:
             if abs(force[0]) >= LEAST_N and (known is None or force[0] > known.force_n):
                 self.touched[key] = Touched(round(self.data.time, 3), *key, round(float(force[0]), 2))
 
-    def _body(self, geom: int) -> str:
+    def body_of(self, geom: int) -> str:
+        """The body that a shape of the model belongs to."""
         number = self.model.geom_bodyid[geom]
         return str(mujoco.mj_id2name(self.model, mujoco.mjtObj.mjOBJ_BODY, number))
 

@@ -13,6 +13,7 @@ from kb.loader.cell.locations import Known, read_locations
 from kb.loader.cell.measuring import read_measuring
 from kb.loader.cell.operations import read_operations
 from kb.loader.cell.places import Mentioned, is_tool, read_places
+from kb.loader.cell.sensors import Sensed, read_sensor
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.references import domain_of
@@ -27,6 +28,7 @@ from kb.model.cell import (
     Measuring,
     MountedArm,
     Region,
+    Sensor,
     Zone,
 )
 from kb.model.shapes import Sphere
@@ -88,7 +90,7 @@ class _CellReader:
         operations = read_operations(self.reader, findings, known)
         name, measuring = self.reader.text("cell"), self._measuring(bodies)
         sections = (arms, frames, bodies, regions, allowed, places, locations, zones, operations, measuring)
-        return Cell(name, *sections, path)
+        return Cell(name, *sections, self._sensors(Sensed(bodies, arms, self.frames.names())), path)
 
     def _bodies(self) -> dict[str, Body]:
         bodies = {
@@ -105,6 +107,10 @@ class _CellReader:
             for key, key_node, node in self.reader.entries("measuring")
             if is_tool(key, key_node, self.read, bodies)
         }
+
+    def _sensors(self, known: Sensed) -> dict[str, Sensor]:
+        read = ((key, read_sensor(node, self.read, known)) for key, _, node in self.reader.entries("sensors"))
+        return {key: sensor for key, sensor in read if sensor is not None}
 
     def _section(self, section: str) -> list[tuple[str, Node]]:
         """The named entries of a section. A name that another section uses already is reported."""

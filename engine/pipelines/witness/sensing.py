@@ -1,0 +1,108 @@
+"""The sensors of the physical cell: what each reads from the physics, and which of its readings that is."""
+
+from collections.abc import Callable, Iterator, Mapping
+
+import mujoco
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.pipelines.witness.stage import Stage
+from engine.pipelines.witness.tree import bearer_of, held_by, worn_by
+from engine.stages.geometry import transforms
+from engine.stages.geometry.world.model import World
+from kb.model.cell import Sensing, Sensor
+
+SLIDE_S = 0.1  # so long it is watched whether something slides
+FAR_M = 100.0  # where nothing is in sight
+LOOKS = 16  # things of its own that a ray may pass
+PAST_M = 1e-4
+
+
+def reading(stage: Stage, world: World, sensor: Sensor) -> str:
+    """The reading of a sensor now: the range that its value lies in, or is nearest to."""
+    now = value(stage, world, sensor)
+
+    def off(name: str) -> float:
+        lower, upper = sensor.readings[name]
+        return max(lower - now, now - upper, 0.0)
+
+    return min(sensor.readings, key=off)
+
+
+def value(stage: Stage, world: World, sensor: Sensor) -> float:
+    """What a sensor reads now: m, rad, N or m/s."""
+    return _READ[sensor.sensing](stage, world, sensor.of)
+
+
+def _joint(stage: Stage, _world: World, body: str) -> float:
+    return stage.value(body)
+
+
+def _force(stage: Stage, world: World, body: str) -> float:
+    """How hard everything else but the arm's own hand presses against a body."""
+    own = {name for arm in world.cell.arms if body in (worn := set(worn_by(world, arm))) for name in worn}
+    found = [force for other, force in _pressing(stage, {body}) if other not in own]
+    return float(sum(np.linalg.norm(each) for each in found))
+
+
+def _load(stage: Stage, world: World, arm: str) -> float:
+    """How heavy everything that touches a hand is on it, beside the hand itself; a tool at its latch weighs, too."""
+    own = set(worn_by(world, arm)) | {f"{arm}.flange"}
+    total = sum((force for other, force in _pressing(stage, own) if other not in own), np.zeros(3))
+    hung = [name for name in held_by(world, arm) if name in stage.tools]
+    masses = sum(float(stage.model.body(name).mass[0]) for name in hung)
+    return float(np.linalg.norm(total)) + masses * float(np.linalg.norm(stage.model.opt.gravity))
+
+
+def _distance(stage: Stage, world: World, frame: str) -> float:
+    """How far it is along z of a frame to the nearest thing that is not of the hand on which the frame is."""
+    body = bearer_of(world, frame) if frame in world.placed else frame
+    T = stage.actual(world).pose("world", frame)
+    own = {body, *(name for arm in world.cell.arms for name in worn_by(world, arm))}
+    start, hit, gone = T[:3, 3].copy(), np.array([-1], dtype=np.int32), 0.0
+    for _ in range(LOOKS):
+        far = mujoco.mj_ray(stage.model, stage.data, start, T[:3, 2].copy(), None, 1, -1, hit)
+        if far < 0.0:
+            return FAR_M
+        gone += far
+        if stage.body_of(int(hit[0])) not in own:
+            return float(gone)
+        gone += PAST_M
+        start = start + T[:3, 2] * (far + PAST_M)
+    return FAR_M
+
+
+def _slip(stage: Stage, world: World, body: str) -> float:
+    """How fast the parts that touch a body slide along it."""
+    parts = {name for name, _ in _pressing(stage, {body})} & set(world.cell.bodies)
+    before = {name: _seen_from(stage, body, name) for name in parts}
+    stage.wait(SLIDE_S)
+    moved = [np.linalg.norm(_seen_from(stage, body, name) - at) for name, at in before.items()]
+    return float(max(moved, default=0.0)) / SLIDE_S
+
+
+def _seen_from(stage: Stage, body: str, other: str) -> Floats:
+    T: Floats = transforms.inverse(stage.pose(body)) @ stage.pose(other)
+    return T[:3, 3]
+
+
+def _pressing(stage: Stage, bodies: set[str]) -> Iterator[tuple[str, Floats]]:
+    """What presses against some bodies, and the force with which it does, in the world (3,)."""
+    found = np.zeros(6)
+    for number in range(stage.data.ncon):
+        contact = stage.data.contact[number]
+        first, second = (stage.body_of(int(geom)) for geom in contact.geom)
+        if (first in bodies) == (second in bodies):
+            continue
+        mujoco.mj_contactForce(stage.model, stage.data, number, found)
+        force = contact.frame.reshape(3, 3).T @ found[:3]
+        yield (second, -force) if first in bodies else (first, force)
+
+
+_READ: Mapping[Sensing, Callable[[Stage, World, str], float]] = {
+    Sensing.JOINT: _joint,
+    Sensing.FORCE: _force,
+    Sensing.LOAD: _load,
+    Sensing.DISTANCE: _distance,
+    Sensing.SLIP: _slip,
+}
