@@ -17,7 +17,7 @@ def static_program(problem: Problem, about: Collection[str] | None = None) -> st
     named there: nothing is said about others, except for those that they rest on.
     """
     domain = problem.domain
-    needed = None if about is None else _resting(domain, about)
+    needed = None if about is None else resting(domain, about)
 
     def wanted(name: str) -> bool:
         return needed is None or name in needed
@@ -34,7 +34,7 @@ def static_program(problem: Problem, about: Collection[str] | None = None) -> st
     return "\n".join(lines)
 
 
-def _resting(domain: Domain, about: Collection[str]) -> set[str]:
+def resting(domain: Domain, about: Collection[str]) -> set[str]:
     """Some predicates and all that they rest on, by rules, types and compound terms."""
     used: dict[str, set[str]] = {}
     for type_ in domain.types.values():

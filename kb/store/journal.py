@@ -42,6 +42,7 @@ lines = Table(
     sqlite_with_rowid=False,
 )
 PAGE = 5_000  # lines that are read at once
+_encoded = json.JSONEncoder(ensure_ascii=False).encode  # made once: `json.dumps` makes one for each line
 
 
 class JournalFailure(Exception):
@@ -90,6 +91,12 @@ class Journal(Database):
             row = {"run": run, "begun": begun, "document": json.dumps(document, ensure_ascii=False)}
             connection.execute(runs.insert(), [row])
         return True
+
+    def withdraw(self, run: str) -> None:
+        """Take a run off the list if it has no line: it never began."""
+        if not self.last(run):
+            with transaction(self._engine, self.target, writes=True) as connection:
+                connection.execute(runs.delete().where(runs.c.run == run))
 
     def append(self, run: str, group: Sequence[Line]) -> None:
         """Append lines in one transaction, and have them written to the disk. Raises `JournalFailure`."""
@@ -160,12 +167,15 @@ class Journal(Database):
             found = connection.execute(asked).first()
         return None if found is None else Line(number, found[0], found[1], _content(self.target, found[2]))
 
-    def lines(self, run: str, after: int = 0, kinds: Sequence[str] = ()) -> Iterator[Line]:
-        """The lines of a run behind a number, in order; only those of some kinds, if they are named."""
+    def lines(
+        self, run: str, after: int = 0, kinds: Sequence[str] = (), until: int | None = None
+    ) -> Iterator[Line]:
+        """The lines of a run behind a number, up to another one if it is given, in order; only of some kinds, if they are named."""
         while True:
             asked = select(lines.c.number, lines.c.at_ms, lines.c.kind, lines.c.content)
             asked = asked.where((lines.c.run == run) & (lines.c.number > after))
             asked = asked.where(lines.c.kind.in_(kinds)) if kinds else asked
+            asked = asked.where(lines.c.number <= until) if until is not None else asked
             with transaction(self._engine, self.target) as connection:
                 page = connection.execute(asked.order_by(lines.c.number).limit(PAGE)).all()
             for number, at_ms, kind, text in page:
@@ -176,7 +186,7 @@ class Journal(Database):
 
 
 def _row(line: Line) -> tuple[int, int, str, str]:
-    return line.number, line.at_ms, line.kind, json.dumps(line.content, ensure_ascii=False)
+    return line.number, line.at_ms, line.kind, _encoded(line.content)
 
 
 def _content(target: str, text: str) -> dict[str, Any]:

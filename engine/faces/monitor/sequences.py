@@ -1,10 +1,13 @@
 """The order in which a plan makes its measurements, as a picture of the part."""
 
+import re
 from functools import lru_cache
 from typing import Any
+from xml.sax.saxutils import quoteattr, unescape
 
 import numpy as np
 
+from engine.faces.monitor.choosing import mentions
 from engine.faces.monitor.motions import Target
 from engine.formats.report.tour_svg import picture
 from engine.model.measurements import measurements_of
@@ -17,6 +20,8 @@ from kb.model.problem import Problem
 from kb.terms import Number
 
 MICRO = 1e-6
+VISIT = re.compile(r'<circle class="visit"([^>]*)><title>(.*?)</title>')
+LIT = 'style="filter: drop-shadow(0 0 4px #d02090); stroke: #d02090; stroke-width: 4"'
 Spot = tuple[float, float, float]
 
 
@@ -35,6 +40,18 @@ def sequence_picture(target: Target, plan: dict[str, Any]) -> str | None:
         return None
     order, ways = tuple(range(len(visits))), np.zeros((len(visits), len(visits)), dtype=np.int64)
     return picture(Tour(order, 0, 0), TourProblem("sequence", tuple(visits), ways, closed=False))
+
+
+def pickable(drawn: str, chosen: str) -> str:
+    """The picture with dots that a click chooses; those that belong to what is chosen have a rim."""
+
+    def step(found: re.Match[str]) -> str:
+        name = unescape(found[2].partition(": ")[2])
+        rim = f' {LIT} data-chosen="yes"' if chosen and mentions([name], [chosen]) else ""
+        told = f'class="visit step" tabindex="0" role="button" data-step={quoteattr(name)}{rim}'
+        return f"<circle {told}{found[1]}><title>{found[2]}</title>"
+
+    return VISIT.sub(step, drawn)
 
 
 @lru_cache(16)

@@ -78,6 +78,13 @@ def _awaited(course: Course, command: Command) -> str:
                 course.recorder.note(RecordKind.REPLY, command=command.number, text=message.text, data=data)
                 return message.text
         if due is not None and course.driver.now_ms() >= due:
+            if (
+                late := course.driver.report([command.number])[0].reply
+            ) is not None:  # only its reply was lost
+                course.recorder.note(
+                    RecordKind.REPLY, command=late.number, text=late.text, data=dict(late.data)
+                )
+                return late.text
             course.recorder.note(RecordKind.REPLY, command=command.number, text=TIMEOUT, data={})
             return TIMEOUT
 

@@ -4,7 +4,7 @@
 """
 
 from engine.pipelines.simulation.dynamics import Dynamics, WorldState
-from engine.pipelines.simulation.faulty import Achievement, FaultyCell
+from engine.pipelines.simulation.faulty import Achievement, FaultyCell, Memory
 from engine.pipelines.simulation.world import World
 
-__all__ = ["Achievement", "Dynamics", "FaultyCell", "World", "WorldState"]
+__all__ = ["Achievement", "Dynamics", "FaultyCell", "Memory", "World", "WorldState"]

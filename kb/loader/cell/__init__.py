@@ -13,9 +13,9 @@ from kb.loader.cell.locations import Known, read_locations
 from kb.loader.cell.measuring import read_measuring
 from kb.loader.cell.operations import read_operations
 from kb.loader.cell.places import Mentioned, is_tool, read_places
-from kb.loader.loading import domain_of
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
+from kb.loader.references import domain_of
 from kb.loader.tree import Node, read_file
 from kb.model.cell import (
     WORLD,
