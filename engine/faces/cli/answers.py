@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 
 from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
-from engine.faces.cli.watch import Watch, current
+from engine.faces.cli.watchdog import Watch, current
 from kb.stopping import Stopped
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import typer
 from engine.faces.cli.answers import open_streams
 from engine.faces.cli.ending import leave
 from engine.faces.cli.verbs import Verbs
-from engine.faces.cli.watch import own_process
+from engine.faces.cli.watchdog import own_process
 
 app = typer.Typer(
     name="cellwright", cls=Verbs, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False

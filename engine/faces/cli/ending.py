@@ -4,7 +4,7 @@ import os
 import sys
 import threading
 
-from engine.faces.cli.watch import NAME
+from engine.faces.cli.watchdog import NAME
 
 ENDED_PROPERLY = ("concurrent.futures", "multiprocessing", "sqlite3", "sqlalchemy")
 """Modules that close something at the end of the interpreter: processes, threads, databases."""

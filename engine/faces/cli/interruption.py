@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
-from engine.faces.cli.watch import current
+from engine.faces.cli.watchdog import current
 from engine.model.wording import counted
 from kb import stopping
 

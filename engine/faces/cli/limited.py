@@ -6,7 +6,7 @@ from functools import wraps
 from typing import Any
 
 from engine.faces.cli.options import MemoryLimit, TimeLimit
-from engine.faces.cli.watch import watching
+from engine.faces.cli.watchdog import watching
 
 
 def limited(verb: Callable[..., None]) -> Callable[..., None]:

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from engine.faces.cli.watch import current
+from engine.faces.cli.watchdog import current
 
 if TYPE_CHECKING:
     from engine.model.execution import Record

@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Callable
 
 from nicegui import ui
 
@@ -226,7 +227,7 @@ class RunPage:
             return
         name = str(key.name)
         count, number = len(self.player.follower.records), self.player.number
-        plain = {
+        plain: dict[str, Callable[[], object]] = {
             "k": self._play_or_stand,
             "x": self._to_exception,
             "l": self.player.to_the_end,

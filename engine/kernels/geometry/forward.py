@@ -1,34 +1,9 @@
 # cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
 # cython: initializedcheck=False, cdivision=True
-"""Where the carriers of joints are in configuration after configuration."""
+"""Where the carrier of a joint is, from its parent's."""
 
-import cython
-import numpy as np
-
-from engine.kernels.arrays import Floats, Longs, Truths
+from engine.kernels.arrays import Floats
 from engine.kernels.geometry import angles
-
-
-def carriers(parent: Longs, origin: Floats, axis: Floats, prismatic: Truths, q: Floats, out: Floats) -> None:
-    """The pose of every carrier (n, k + 1, 3, 4) for configurations q (n, k): rad or m.
-
-    Each joint has its parent carrier (k,), which comes before its own, its origin there (k, 4, 4) and its unit axis (k, 3).
-    Raises `ValueError` for arrays that do not fit together.
-    """
-    count = len(parent)
-    if origin.shape != (count, 4, 4) or axis.shape != (count, 3) or prismatic.shape != (count,):
-        raise ValueError(f"the arrays of {count} joints do not fit together")
-    if q.shape != (len(out), count) or out.shape[1:] != (count + 1, 3, 4):
-        raise ValueError(f"{count} joints need values (n, {count}), not {q.shape}")
-    up, fixed, along, slides, values, poses = parent, origin, axis, prismatic.view(np.uint8), q, out
-    for j in range(count):
-        if not 0 <= up[j] <= j:
-            raise ValueError(f"joint {j} hangs on carrier {up[j]}, which does not come before it")
-    with cython.nogil:
-        for n in range(poses.shape[0]):
-            stand(poses, n)
-            for j in range(up.shape[0]):
-                place_joint(fixed, along, slides[j], up[j], j, values[n, j], n, poses)
 
 
 def stand(out: Floats, n: int) -> None:

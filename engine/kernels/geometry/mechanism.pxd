@@ -13,3 +13,6 @@ cdef class Mechanism:
     cdef const double[::1] travel
 
 cdef void place_carriers(Mechanism m, const double[::1] at, Py_ssize_t n, double[:, :, :, ::1] poses) noexcept nogil
+
+@cython.locals(values="const double[:, ::1]", poses="double[:, :, :, ::1]", n=Py_ssize_t, j=Py_ssize_t)
+cpdef void place_batch(Mechanism m, object q, object out) except *

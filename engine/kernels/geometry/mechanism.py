@@ -1,7 +1,8 @@
 # cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
 # cython: initializedcheck=False, cdivision=True
-"""Joints as kernels of motion read them."""
+"""Joints as kernels read them, and where their carriers are."""
 
+import cython
 import numpy as np
 
 from engine.kernels.arrays import Floats, Longs, Truths, refuse_unless
@@ -37,3 +38,18 @@ def place_carriers(m: Mechanism, at: Floats, n: int, poses: Floats) -> None:
     forward.stand(poses, n)
     for j in range(m.count):
         forward.place_joint(m.origin, m.axis, m.slides[j], m.parent[j], j, at[j], n, poses)
+
+
+def place_batch(m: Mechanism, q: Floats, out: Floats) -> None:
+    """Put all carriers (n, k + 1, 3, 4) where they are in configurations q (n, k): rad or m.
+
+    Raises `ValueError` for arrays that do not fit.
+    """
+    if q.shape != (len(out), m.count) or out.shape[1:] != (m.count + 1, 3, 4):
+        raise ValueError(f"{m.count} joints need values (n, {m.count}), not {q.shape}")
+    values, poses = q, out
+    with cython.nogil:
+        for n in range(poses.shape[0]):
+            forward.stand(poses, n)
+            for j in range(m.count):
+                forward.place_joint(m.origin, m.axis, m.slides[j], m.parent[j], j, values[n, j], n, poses)

@@ -31,7 +31,7 @@ def cleared_up(course: Course, step: Function, activity: int, number: int) -> st
 
 def _diagnosed(course: Course, fate: Fate, cause: str) -> None:
     note = course.recorder.note
-    found = {"action": ASKED, "outcome": fate.value, "belief": [], "expected_cost": 0}
+    found: dict[str, object] = {"action": ASKED, "outcome": fate.value, "belief": [], "expected_cost": 0}
     note(RecordKind.FINDING, exception=TIMEOUT, **found)
     note(RecordKind.DIAGNOSIS, exception=TIMEOUT, causes=[[cause, 1.0]], cured=None, isolated=True, cost=0)
 

@@ -66,15 +66,6 @@ def ground(problem: Problem) -> Task:
     return task
 
 
-def findings(problem: Problem) -> list[Diagnostic]:
-    """Everything that grounding finds wrong with a problem."""
-    try:
-        ground(problem)
-    except InvalidInput as error:
-        return list(error.diagnostics)
-    return []
-
-
 def reachable_operators(task: Task) -> frozenset[str]:
     """The names of the operators that have at least one instance in the task."""
     return frozenset(operator.instance.name for operator in task.operators)

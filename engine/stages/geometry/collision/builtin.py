@@ -8,7 +8,7 @@ from engine.kernels.geometry.checks import first_contacts
 from engine.kernels.geometry.layout import Pairs, Pieces
 from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
 from engine.ports import CollisionChecker
-from engine.stages.geometry.collision.carriers import checked_poses, only, pose_batch, split
+from engine.stages.geometry.collision.carriers import batch, checked_poses, is_finite, only, pose_batch, split
 from engine.stages.geometry.collision.likelihood import SAMPLES, likeliest_first, sampled, touchable
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
 from engine.stages.geometry.shapes.packing import bounded, grouped
@@ -49,10 +49,12 @@ class BuiltinChecker:
 
     def collides(self, where: Floats) -> Truths:
         """Whether any pair touches (n,)."""
+        where = batch(self._scene, where)
+        if is_finite(where):
+            touching: Truths = self._first(where) >= 0
+            return touching
         where, endless = split(self._scene, where)
-        hits: Truths = self._first(where) >= 0
-        hits |= endless
-        return hits
+        return endless | (self._first(where) >= 0)
 
     def first_contacts(self, where: Floats) -> Longs:
         """A pair that touches for each of the batch, as an index into the scene's pairs (n,); -1 for none.
@@ -67,7 +69,10 @@ class BuiltinChecker:
     def _first(self, where: Floats) -> Longs:
         """`first_contacts` of a checked batch."""
         found = np.empty(len(where), dtype=np.int64)
-        pairs = self._likeliest if len(where) > SAMPLES else self._touchable
+        if len(where) <= SAMPLES:
+            first_contacts(checked_poses(self._scene, where), self._pieces, self._touchable, found)
+            return found
+        pairs = self._likeliest
 
         def look(first: int, after: int) -> None:
             poses = checked_poses(self._scene, where[first:after])

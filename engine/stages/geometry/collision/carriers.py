@@ -1,11 +1,12 @@
 """Where the carriers of a scene are in many configurations at once."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
-from engine.kernels.geometry.forward import carriers
-from engine.model.geometry import Floats, Scene, Truths
+from engine.kernels.geometry.mechanism import Mechanism, place_batch
+from engine.model.geometry import Floats, Joints, Scene, Truths
 
 
 def pose_batch(scene: Scene, where: Floats) -> Floats:
@@ -18,14 +19,20 @@ def pose_batch(scene: Scene, where: Floats) -> Floats:
 
 def checked_poses(scene: Scene, where: Floats) -> Floats:
     """`pose_batch` for what `batch` or `split` has given back."""
-    joints = scene.joints
     poses = np.empty((len(where), scene.carriers, 3, 4))
     if scene.free:
         poses[:, 0] = np.eye(4)[:3]
         poses[:, 1] = where[:, :3]
     else:
-        carriers(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, where, poses)
+        place_batch(mechanism_of(scene.joints), where, poses)
     return poses
+
+
+@lru_cache(64)
+def mechanism_of(joints: Joints) -> Mechanism:
+    """The joints as kernels read them; joints are one value for each scene, so they are checked once."""
+    origins, axes = np.ascontiguousarray(joints.T_parent_origin), np.ascontiguousarray(joints.axis)
+    return Mechanism(joints.parent, origins, axes, joints.prismatic)
 
 
 def batch(scene: Scene, where: Floats) -> Floats:
@@ -44,13 +51,18 @@ def split(scene: Scene, where: Floats) -> tuple[Floats, Truths]:
     Raises as `batch` does.
     """
     where = batch(scene, where)
-    if math.isfinite(np.vdot(where, where)):
+    if is_finite(where):
         return where, np.zeros(len(where), dtype=bool)
     endless: Truths = np.asarray(~np.isfinite(where).all(axis=tuple(range(1, where.ndim))))
     if endless.any():
         where = where.copy()
         where[endless] = np.eye(4) if scene.free else 0.0
     return where, endless
+
+
+def is_finite(where: Floats) -> bool:
+    """Whether a batch has numbers alone, seen quickly; a batch of great numbers may also get False."""
+    return math.isfinite(np.vdot(where, where))
 
 
 def only(scene: Scene, one: Floats) -> Floats:

@@ -132,7 +132,9 @@ def test_carriers_are_the_same_both_ways() -> None:
     slides = np.arange(joints.count) == 2
     for modules in BOTH:
         poses = np.empty((5, joints.count + 1, 3, 4))
-        modules["forward"].carriers(joints.parent, joints.T_parent_origin, joints.axis, slides, q, poses)
+        mechanism = modules["mechanism"]
+        made = mechanism.Mechanism(joints.parent, joints.T_parent_origin, joints.axis, slides)
+        mechanism.place_batch(made, q, poses)
         found.append([poses])
     assert same(*found)
 

@@ -7,9 +7,9 @@ import pytest
 
 from engine.kernels.geometry import checks, inverse, regions
 from engine.kernels.geometry.distance import Separations
-from engine.kernels.geometry.forward import carriers
 from engine.kernels.geometry.hierarchy import Hierarchy, build, inserted, removed
 from engine.kernels.geometry.layout import KIND, Pairs, Pieces
+from engine.kernels.geometry.mechanism import Mechanism, place_batch
 
 
 def pieces(**changed: Any) -> Pieces:
@@ -84,11 +84,12 @@ def test_poses_must_be_those_of_all_carriers_and_results_have_a_row_for_each() -
 
 def test_joints_need_a_value_each_and_hang_on_carriers_before_their_own() -> None:
     arrays = np.zeros((2, 4, 4)), np.zeros((2, 3)), np.zeros(2, bool)
-    carriers(np.array([0, 1]), *arrays, np.zeros((5, 2)), np.empty((5, 3, 3, 4)))
+    joints = Mechanism(np.array([0, 1]), *arrays)
+    place_batch(joints, np.zeros((5, 2)), np.empty((5, 3, 3, 4)))
     with pytest.raises(ValueError, match="2 joints need"):
-        carriers(np.array([0, 1]), *arrays, np.zeros((5, 3)), np.empty((5, 3, 3, 4)))
-    with pytest.raises(ValueError, match="joint 0 hangs on carrier 1"):
-        carriers(np.array([1, 1]), *arrays, np.zeros((5, 2)), np.empty((5, 3, 3, 4)))
+        place_batch(joints, np.zeros((5, 3)), np.empty((5, 3, 3, 4)))
+    with pytest.raises(ValueError, match="hangs on a carrier that does not come before it"):
+        Mechanism(np.array([1, 1]), *arrays)
 
 
 def test_separations_are_asked_of_rows_that_are_there() -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from engine.kernels.geometry.forward import carriers
+from engine.kernels.geometry.mechanism import Mechanism, place_batch
 from engine.model.geometry import Floats
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
 from engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver, pose_error
@@ -104,7 +104,7 @@ def test_the_jacobian_is_the_derivative_of_the_pose(model: ArmModel, rng: np.ran
 def test_the_compiled_forward_kinematics_agrees_with_numpy(model: ArmModel, rng: np.random.Generator) -> None:
     joints, q = model.joints, model.random(50, rng)
     out = np.empty((50, 7, 3, 4))
-    carriers(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, q, out)
+    place_batch(Mechanism(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic), q, out)
     assert np.abs(out - carrier_poses(joints, q)[:, :, :3]).max() < 1e-14
 
 
