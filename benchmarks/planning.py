@@ -1,9 +1,10 @@
 """Competition tasks: our strategies and, in the same run, other planners; solved tasks, times and plan lengths.
 
-    python benchmarks/planning.py [--data DIR] [--levels 1-4] [--seconds 60] [--planners NAMES] [--peers PYTHON]
+    python benchmarks/planning.py [--data DIR] [--levels 1-4] [--seconds 60] [--planners NAMES] [--peers PYTHON] [--numeric]
 
-`--data` (else $CELLWRIGHT_DATA) has a folder `pddl/DOMAIN/LEVEL_INSTANCE` with `domain.pddl` and `problem.pddl`. `--peers`
-is the Python of an environment with `up-fast-downward` and `pyperplan`; without it there are no peers. Times are processor
+`--data` (else $CELLWRIGHT_DATA) has a folder `pddl/DOMAIN/LEVEL_INSTANCE` with `domain.pddl` and `problem.pddl`, and for
+`--numeric` a folder `pddl-numeric/DOMAIN` with a domain and problems. `--peers` is the Python of an environment with
+`up-fast-downward`, `pyperplan` and `up-enhsp` (which needs Java); without it there are no peers. Times are processor
 times of whole processes with their children, so other work on the machine changes them little; `--seconds` is a limit of
 wall time. Every plan of any planner goes through our checker, and a refused one counts as unsolved.
 """
@@ -30,7 +31,7 @@ from engine.pipelines import planning
 from kb.diagnostics import InvalidInput
 
 OURS = ("auto", "backward", "forward", "landmarks", "asp")
-PEERS = ("lama-first", "pyperplan")
+PEERS = ("lama-first", "pyperplan", "enhsp")
 
 
 @dataclass(frozen=True)
@@ -43,10 +44,31 @@ class Run:
     steps: int | None
 
 
-def tasks(data: Path, levels: tuple[int, int]) -> list[Path]:
-    """The folders of all tasks whose level lies in a range."""
+@dataclass(frozen=True)
+class Instance:
+    """A task: its two files."""
+
+    name: str
+    domain: Path
+    problem: Path
+
+
+def tasks(data: Path, levels: tuple[int, int]) -> list[Instance]:
+    """All tasks whose level lies in a range."""
     found = sorted(path.parent for path in data.glob("pddl/*/*/problem.pddl"))
-    return [path for path in found if levels[0] <= int(path.name.split("_")[0]) <= levels[1]]
+    return [
+        Instance(f"{path.parent.name}/{path.name}", path / "domain.pddl", path / "problem.pddl")
+        for path in found
+        if levels[0] <= int(path.name.split("_")[0]) <= levels[1]
+    ]
+
+
+def numeric_tasks(data: Path) -> list[Instance]:
+    """All tasks with numbers."""
+    found = sorted(
+        data.glob("pddl-numeric/*/pfile*.pddl"), key=lambda path: (path.parent, len(path.name), path.name)
+    )
+    return [Instance(f"{path.parent.name}/{path.stem}", path.parent / "domain.pddl", path) for path in found]
 
 
 def ours(strategy: str) -> Callable[[Path, Path, float], list[str]]:
@@ -93,13 +115,27 @@ def pyperplan(python: str) -> Callable[[Path, Path, float], list[str]]:
     return line
 
 
-def run(folder: Path, planner: str, command: Callable[[Path, Path, float], list[str]], seconds: float) -> Run:
+def enhsp(python: str) -> Callable[[Path, Path, float], list[str]]:
+    """ENHSP as `up-enhsp` starts it by default: greedy with additive costs."""
+    code = "import os, importlib.util as u; print(os.path.dirname(u.find_spec('up_enhsp').origin))"
+    found = subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    jar = str(Path(found) / "ENHSP" / "enhsp.jar")
+
+    def line(folder: Path, plan: Path, _seconds: float) -> list[str]:
+        files = ["-o", str(folder / "domain.pddl"), "-f", str(folder / "problem.pddl"), "-sp", str(plan)]
+        return ["java", "-jar", jar, *files, "-npm", "-h", "hadd", "-s", "gbfs"]
+
+    return line
+
+
+def run(
+    task: Instance, planner: str, command: Callable[[Path, Path, float], list[str]], seconds: float
+) -> Run:
     """One planner on a copy of one task."""
-    name = f"{folder.parent.name}/{folder.name}"
     with tempfile.TemporaryDirectory() as place:
         copy = Path(place)
-        for file in ("domain.pddl", "problem.pddl"):
-            shutil.copy(folder / file, copy)
+        shutil.copy(task.domain, copy / "domain.pddl")
+        shutil.copy(task.problem, copy / "problem.pddl")
         plan = copy / "plan.txt"
         started = _of_children()
         answered = _output(command(copy, plan, seconds), copy, seconds)
@@ -108,7 +144,7 @@ def run(folder: Path, planner: str, command: Callable[[Path, Path, float], list[
             plan = copy / "problem.pddl.soln"
         elif planner in OURS and answered:
             plan.write_text(answered)
-        return Run(name, planner, taken, _steps(copy, plan))
+        return Run(task.name, planner, taken, _steps(copy, plan))
 
 
 def _of_children() -> float:
@@ -189,24 +225,30 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60)
     parser.add_argument("--planners", default="auto,backward", help=f"of {', '.join(OURS)}")
     parser.add_argument("--peers", help="the Python of an environment with the peers")
-    parser.add_argument("--beside", default=",".join(PEERS), help=f"of {', '.join(PEERS)}")
+    parser.add_argument("--beside", default=",".join(PEERS[:2]), help=f"of {', '.join(PEERS)}")
     parser.add_argument("--only", default="", help="tasks whose name has this in it")
+    parser.add_argument("--numeric", action="store_true", help="the tasks with numbers")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     commands = {name: ours(name) for name in arguments.planners.split(",")}
     if arguments.peers:
-        peers = {"lama-first": lama_first, "pyperplan": pyperplan}
+        peers = {"lama-first": lama_first, "pyperplan": pyperplan, "enhsp": enhsp}
         commands |= {name: peers[name](arguments.peers) for name in arguments.beside.split(",")}
     first, _, last = arguments.levels.partition("-")
-    folders = [f for f in tasks(arguments.data, (int(first), int(last or first))) if arguments.only in str(f)]
-    if not folders:
+    found = (
+        numeric_tasks(arguments.data)
+        if arguments.numeric
+        else tasks(arguments.data, (int(first), int(last or first)))
+    )
+    wanted = [each for each in found if arguments.only in each.name]
+    if not wanted:
         print(f"no tasks under {arguments.data}: give --data")
         return 2
     console = Console(width=None if sys.stdout.isatty() else 160)
     runs: list[Run] = []
-    for folder in folders:
+    for task in wanted:
         for planner, command in commands.items():
-            runs.append(run(folder, planner, command, arguments.seconds))
+            runs.append(run(task, planner, command, arguments.seconds))
             done = runs[-1]
             print(f"{done.task} {planner} {done.seconds:.2f} s {done.steps}", file=sys.stderr, flush=True)
     console.print(listing(runs, list(commands)))
