@@ -64,7 +64,9 @@ def measurements(folder: Path) -> set[str]:
 
 @pytest.mark.parametrize("objects", OBJECTS)
 @pytest.mark.parametrize("sections", SECTIONS)
-@pytest.mark.parametrize("name", ["m1", "m2", "m3"])
+@pytest.mark.parametrize(
+    "name", ["m2", *(pytest.param(each, marks=pytest.mark.slow) for each in ("m1", "m3"))]
+)
 def test_a_measurement_is_removed_from_every_layout(
     tmp_path: Path, objects: str, sections: str, name: str
 ) -> None:
