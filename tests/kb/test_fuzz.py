@@ -34,7 +34,7 @@ FILES = [path for path in FILES if "golden" not in path.parts]
 SECONDS = 5.0
 
 quick = settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-slow = settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
+slow = settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
 
 SPICE = [
     *(
