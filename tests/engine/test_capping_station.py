@@ -17,7 +17,8 @@ from tests.engine.pipelines.execution.cells import executed
 
 CELL = Path(__file__).parents[1] / "domains" / "capping"
 PROBLEMS = sorted(path.stem for path in (CELL / "problems").glob("*.yaml"))
-THREE = str(CELL / "problems" / "three.yaml")
+TWO, THREE = (str(CELL / "problems" / f"{name}.yaml") for name in ("two", "three"))
+FEW_AND_MORE = [pytest.param(TWO, 2, id="two"), pytest.param(THREE, 3, id="three", marks=pytest.mark.slow)]
 MODEL, _ = load_faults(CELL / "domain.yaml")
 CASES = [(name, cause) for name, each in MODEL.exceptions.items() for cause in each.counts]
 STEPS = {
@@ -66,22 +67,26 @@ def test_every_cause_is_found_and_recovered_from(exception: str, cause: str, pla
     assert json.loads(answer.stdout)["data"]
 
 
-def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal() -> None:
-    ending, records, _ = executed(THREE)
+@pytest.mark.parametrize(("target", "bottles"), FEW_AND_MORE)
+def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal(target: str, bottles: int) -> None:
+    ending, records, _ = executed(target)
     assert ending.outcome == "reached"
     assert ending.makespan_ms == ending.forecast_ms
     replies = [each.content["text"] for each in records if each.kind is RecordKind.REPLY]
-    assert sum(each.startswith("torque(") for each in replies) == 3
-    assert sum(each.startswith("mass(") for each in replies) == 3
+    assert sum(each.startswith("torque(") for each in replies) == bottles
+    assert sum(each.startswith("mass(") for each in replies) == bottles
     results = [each.content for each in records if each.kind is RecordKind.RESULT]
-    assert [each["quantity"] for each in results].count("excess") == 3
+    assert [each["quantity"] for each in results].count("excess") == bottles
     assert all(each["passed"] is (each["lower"] <= each["value"] <= each["upper"]) for each in results)
 
 
+@pytest.mark.parametrize("target", [TWO, pytest.param(THREE, marks=pytest.mark.slow)], ids=["two", "three"])
 @pytest.mark.parametrize(("exception", "cause"), CASES)
-def test_a_run_with_any_cause_recovers_or_gives_up_what_is_lost(exception: str, cause: str) -> None:
+def test_a_run_with_any_cause_recovers_or_gives_up_what_is_lost(
+    exception: str, cause: str, target: str
+) -> None:
     step = STEPS[exception]
-    ending, records, _ = executed(THREE, [Injection(step, cause, exception=exception)])
+    ending, records, _ = executed(target, [Injection(step, cause, exception=exception)])
     told = [each.content["exception"] for each in records if each.kind is RecordKind.EXCEPTION]
     assert exception in told
     lost = cause == "bottle_fallen" or MODEL.causes[cause].stops

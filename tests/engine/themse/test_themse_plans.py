@@ -43,7 +43,10 @@ def home(probe: str) -> str:
 
 @pytest.mark.parametrize(
     ("said", "probes"),
-    [("probes 1 and 2", ["probe_1", "probe_2"]), ("all probes", [f"probe_{n}" for n in range(1, 5)])],
+    [
+        ("probes 1 and 2", ["probe_1", "probe_2"]),
+        pytest.param("all probes", [f"probe_{n}" for n in range(1, 5)], marks=pytest.mark.slow),
+    ],
 )
 def test_the_sentence_heats_cools_and_stores(said: str, probes: list[str]) -> None:
     problem = commanded(SENTENCE.format(said))
@@ -54,13 +57,13 @@ def test_the_sentence_heats_cools_and_stores(said: str, probes: list[str]) -> No
     assert all(cell.where[probe] == home(probe) for probe in cell.where if probe != "lid")
 
 
-@pytest.mark.parametrize("name", ["one", "two", "four"])
+@pytest.mark.parametrize("name", ["one", "two", pytest.param("four", marks=pytest.mark.slow)])
 def test_the_plain_cell_executes_the_plans(name: str) -> None:
     plan = planned(load_problem(f"themse/{name}"))
     assert set(map(tuple, Cell().execute(plan).history.values())) == {tuple(PROCESSED)}
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in range(1, 5))])
 def test_the_plain_cell_executes_a_plan_in_any_order_that_it_allows(seed: int) -> None:
     plan = planned(load_problem("themse/two"))
     shuffled = linearised(plan, random.Random(seed))

@@ -27,7 +27,7 @@ def test_a_clean_domain_has_no_findings(cell: Path) -> None:
     assert codes(cell) == []
 
 
-@pytest.mark.parametrize("name", ["bulkhead", "themse"])
+@pytest.mark.parametrize("name", ["bulkhead", pytest.param("themse", marks=pytest.mark.slow)])
 def test_the_bundled_domains_have_no_findings(name: str) -> None:
     assert checking.check(name).diagnostics == ()
 

@@ -141,7 +141,7 @@ def test_packages_of_the_user_with_our_names_change_no_answer(
     assert told[verb] == [0 if verb in JOBS else 2, alone.stdout, alone.stderr]
 
 
-@pytest.mark.parametrize("verb", ["plan", "check"])
+@pytest.mark.parametrize("verb", ["plan", pytest.param("check", marks=pytest.mark.slow)])
 def test_the_installed_script_answers_beside_packages_with_our_names(verb: str, crowded: Path) -> None:
     assert run(crowded, script("cellwright"), *JOBS[verb].split()).returncode == 0
 

@@ -117,7 +117,7 @@ def test_who_cannot_be_told_why_gets_the_exit_code() -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("check", "bulkhead/one_point", "--no-reach"),
+        pytest.param(("check", "bulkhead/one_point", "--no-reach"), marks=pytest.mark.slow),
         ("plan", "bulkhead/one_point", "--anytime", "--time-limit", "15"),
     ],
 )
@@ -128,7 +128,10 @@ def test_who_cannot_be_told_of_progress_gets_the_answer(arguments: tuple[str, ..
     assert result.stdout
 
 
-@pytest.mark.parametrize(("sent", "options"), [(signal.SIGINT, ("--race",)), (signal.SIGTERM, ())])
+@pytest.mark.parametrize(
+    ("sent", "options"),
+    [pytest.param(signal.SIGINT, ("--race",), marks=pytest.mark.slow), (signal.SIGTERM, ())],
+)
 def test_a_signal_ends_the_search_with_the_best_plan_so_far(
     sent: signal.Signals, options: tuple[str, ...]
 ) -> None:

@@ -37,18 +37,23 @@ def loaded_by(*command: str) -> set[str]:
     return set(loaded)
 
 
-def test_what_ends_at_once_has_written_its_answer_and_keeps_its_exit_code() -> None:
-    for command, code, said in (
+@pytest.mark.parametrize(
+    ("command", "code", "said"),
+    [
         (("plan", "bulkhead/one_point"), 0, "move_retract"),
-        (("plan", "bulkhead/tool_missing"), 10, "No plan"),
-        (("plan", "nothing"), 2, "nothing"),
+        pytest.param(("plan", "bulkhead/tool_missing"), 10, "No plan", marks=pytest.mark.slow),
+        pytest.param(("plan", "nothing"), 2, "nothing", marks=pytest.mark.slow),
         (("--no-such-option",), 2, "No such option"),
-    ):
-        ran = subprocess.run(
-            [sys.executable, "-m", "engine.faces.cli", *command], capture_output=True, text=True, check=False
-        )
-        assert ran.returncode == code
-        assert said in ran.stdout + ran.stderr
+    ],
+)
+def test_what_ends_at_once_has_written_its_answer_and_keeps_its_exit_code(
+    command: tuple[str, ...], code: int, said: str
+) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-m", "engine.faces.cli", *command], capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == code
+    assert said in ran.stdout + ran.stderr
 
 
 def test_open_threads_and_databases_are_closed_before_the_end() -> None:

@@ -26,6 +26,7 @@ from tests.engine.formats.interop.ticking import Status, Tree
 from tests.properties.problems import problems
 
 WORK = Domain("work", operators=(Operator("work", (), None, ()),))  # type: ignore[arg-type]
+LONG = ("themse/four", "themse/sentence")
 BUNDLED = ["themse/one", "themse/four", "themse/sentence", "themse/furnace_of_two", "bulkhead/both_tools"]
 
 
@@ -118,7 +119,9 @@ def _planned(target: str) -> tuple[Problem, Plan]:
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("target", BUNDLED)
+@pytest.mark.parametrize(
+    "target", [pytest.param(each, marks=[pytest.mark.slow] if each in LONG else []) for each in BUNDLED]
+)
 def test_the_tree_of_a_bundled_plan_reaches_its_goals_whatever_the_durations(target: str, seed: int) -> None:
     _acted_out(*_planned(target), seed)
 
@@ -148,7 +151,7 @@ def _parameter(name: str) -> "object":
 
 def test_a_deep_order_is_written_without_deep_nesting() -> None:
     steps = [Step(StepId(1), Function("work"))]
-    for number in range(2, 1200, 2):
+    for number in range(2, 600, 2):
         after = (StepId(number - 1),) if number > 2 else (StepId(1),)
         steps += [
             Step(StepId(number), Function("work"), after),

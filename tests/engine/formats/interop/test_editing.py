@@ -64,7 +64,9 @@ def measurements(folder: Path) -> set[str]:
 
 @pytest.mark.parametrize("objects", OBJECTS)
 @pytest.mark.parametrize("sections", SECTIONS)
-@pytest.mark.parametrize("name", ["m1", "m2", "m3"])
+@pytest.mark.parametrize(
+    "name", ["m2", *(pytest.param(each, marks=pytest.mark.slow) for each in ("m1", "m3"))]
+)
 def test_a_measurement_is_removed_from_every_layout(
     tmp_path: Path, objects: str, sections: str, name: str
 ) -> None:
@@ -79,7 +81,9 @@ def test_a_measurement_is_removed_from_every_layout(
     assert name not in after.replace("# the first", "")
 
 
-@pytest.mark.parametrize("objects", OBJECTS)
+@pytest.mark.parametrize(
+    "objects", [OBJECTS[0], *(pytest.param(each, marks=pytest.mark.slow) for each in OBJECTS[1:])]
+)
 @pytest.mark.parametrize("sections", SECTIONS)
 def test_what_is_added_and_removed_again_leaves_the_same_problem(
     tmp_path: Path, objects: str, sections: str

@@ -46,6 +46,7 @@ def test_a_further_command_comes_with_its_due_date() -> None:
     assert plan.content["wishes"] == ["due(probe_2, 603)"]
 
 
+@pytest.mark.slow
 def test_a_run_that_stops_behind_a_due_date_keeps_it(tmp_path: Path) -> None:
     problem, _ = planned(FOUR)
     wanted = named(Wanted(FOUR, store=str(tmp_path / "j.db")), problem)

@@ -4,6 +4,7 @@ import itertools
 from pathlib import Path
 
 import pytest
+from _pytest.mark import ParameterSet
 
 from engine.model.execution import Order, Record, RecordKind
 from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
@@ -23,12 +24,18 @@ def check(folder: Path, group: int, written: bool, fault: str) -> bool:
     return ending is not None
 
 
-@pytest.mark.parametrize(("group", "written"), [(2, True), (5, False), (6, True), (9, True), (27, False)])
+def slowly(group: int, written: bool) -> ParameterSet:
+    return pytest.param(group, written, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    ("group", "written"), [(2, True), slowly(5, False), slowly(6, True), slowly(9, True), (27, False)]
+)
 def test_a_run_killed_with_a_fault_in_it_reaches_its_goals(tmp_path: Path, group: int, written: bool) -> None:
     assert check(tmp_path, group, written, FAULT)
 
 
-@pytest.mark.parametrize(("group", "written"), [(14, False), (20, True), (24, True)])
+@pytest.mark.parametrize(("group", "written"), [slowly(14, False), (20, True), slowly(24, True)])
 def test_a_run_goes_on_from_a_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int, written: bool
 ) -> None:

@@ -26,7 +26,9 @@ def of(records: list[Record], kind: RecordKind) -> list[Record]:
     return [each for each in records if each.kind is kind]
 
 
-@pytest.mark.parametrize("at_ms", [3_000, 100_000, 930_000])
+@pytest.mark.parametrize(
+    "at_ms", [3_000, *(pytest.param(each, marks=pytest.mark.slow) for each in (100_000, 930_000))]
+)
 def test_a_further_command_joins_while_steps_are_under_way_and_touches_none_of_them(at_ms: int) -> None:
     ending, records, cell = executed("themse/one", orders=Timed([(at_ms, FURTHER)]))
     assert ending.outcome == "reached"

@@ -12,11 +12,11 @@ from kb.diagnostics import InvalidInput
 from kb.loader import bundled, load_problem
 from kb.model.problem import Problem
 
-QUICK = {"bulkhead/one_point", "bulkhead/both_tools"}
+QUICK = {"bulkhead/one_point": [], "bulkhead/both_tools": [pytest.mark.slow]}
 ALL = [
     f"{name}/{file.stem}" for name, path in bundled().items() for file in sorted(path.glob("problems/*.yaml"))
 ]
-BUNDLED = [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in ALL]
+BUNDLED = [pytest.param(name, marks=QUICK.get(name, [pytest.mark.long])) for name in ALL]
 
 
 def without_one_fact(problem: Problem) -> Iterator[tuple[str, Problem]]:

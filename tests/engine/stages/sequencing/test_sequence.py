@@ -94,7 +94,7 @@ def test_bounds_are_near_where_conditions_leave_few_orders() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(problems(7, 8))
 def test_up_to_eight_visits_are_solved_as_all_permutations_say(problem: TourProblem) -> None:
     test_small_problems_of_every_kind_are_solved_as_all_permutations_say.hypothesis.inner_test(problem)  # type: ignore[attr-defined]
