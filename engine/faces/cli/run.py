@@ -1,7 +1,7 @@
 """`cellwright run` and `cellwright resume`: carry out a plan in a cell, real or simulated, to the end."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -93,7 +93,7 @@ def run(
     asked = Asked(target, goals, command, driver, store, name, factor, seed, approve, expansions, motion)
     if events == "-" and format is Form.JSON:
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
-    give(lambda: _run(asked, fault or [], option or [], events, watch), format)
+    give(lambda: _run(asked, fault or [], option or [], events, watch, format), format)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,9 @@ def default_store() -> str:
     return str(state / "cellwright" / "runs.db")
 
 
-def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool) -> Answer:
+def _run(
+    asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool, format: Form
+) -> Answer:
     from engine.pipelines.execution import Wanted, listed
     from engine.pipelines.planning import problem_of
 
@@ -134,11 +136,13 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
         asked.approve,
     )  # fmt: skip
     with listed(wanted, problem) as entered:
-        return _carried_out(entered, asked, problem, events, shown)
+        return _carried_out(entered, asked, problem, events, shown, format)
 
 
-def _carried_out(wanted: "Wanted", asked: Asked, problem: "Problem", events: str, shown: bool) -> Answer:
-    from engine.pipelines.execution import begin
+def _carried_out(
+    wanted: "Wanted", asked: Asked, problem: "Problem", events: str, shown: bool, format: Form
+) -> Answer:
+    from engine.pipelines.execution import Scope, begin
     from engine.stages.planning import Limits
 
     if shown:
@@ -146,15 +150,25 @@ def _carried_out(wanted: "Wanted", asked: Asked, problem: "Problem", events: str
         from engine.formats.report.narration import understood
 
         say("\n".join(understood(problem)) + "\n")
-    limits, table = Limits(asked.expansions, seed=asked.seed), None
+    limits, table, scope = Limits(asked.expansions, seed=asked.seed), None, None
     if asked.motion:
         moving = _moving(asked, problem, limits, wanted.store)
-        problem, table = moving.problem, moving.run.timetable
+        table, scope = moving.run.timetable, Scope(moving.problem, moving.given_up)
+        problem = replace(moving.problem, goal=problem.goal, chains=problem.chains)
         if table is None:
             return answer_of(moving.run.outcome, wanted.store, events == "-")
+        _tell(moving, quiet=events == "-" or format is Form.JSON)
     with Watching(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
-        ending = begin(wanted, problem, watch.channel, watch.watchers, limits, table=table)
+        ending = begin(wanted, problem, watch.channel, watch.watchers, limits, table=table, scope=scope)
     return answer_of(ending, wanted.store, events == "-")
+
+
+def _tell(moving: "Moving", quiet: bool) -> None:
+    """Say, before anything moves, which goals are given up, and why."""
+    from engine.faces.cli.terminal import say
+
+    if moving.given_up and not quiet:
+        say("\n".join(f"given up: {each.goal}: {each.why}" for each in moving.given_up) + "\n")
 
 
 def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "Moving":
