@@ -43,15 +43,25 @@ def settled(task: Task, state: Bits) -> Bits:
     return state
 
 
+def _possible(task: Task, step: GroundOperator, state: Bits) -> GroundOperator:
+    """The step, or an operator with the same instance and effects whose conditions hold where those of the step do not."""
+    if not step.preconditions & ~state:
+        return step
+    others = (each for each in task.operators if each.instance == step.instance)
+    alike = (each for each in others if (each.adds, each.deletes) == (step.adds, step.deletes))
+    return next((each for each in alike if not each.preconditions & ~state), step)
+
+
 def early(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
     """The same steps with every stage reached as early as possible; as they are if the goals want some not yet reached."""
     reaching = reaching_operators(task)
     if not reaching:
         return list(steps)
     state, made = task.initial, list[GroundOperator]()
-    for step in steps:
-        if step.instance.name == REACHES:
+    for each in steps:
+        if each.instance.name == REACHES:
             continue
+        step = _possible(task, each, state)
         state = task.after(state, step)
         made.append(step)
         for each in settling(state, reaching):

@@ -56,7 +56,8 @@ class _Losses:
         """Whether something lost is named in a term."""
         if not isinstance(term, Function):
             return False
-        return term.name in self.lost or any(map(self.names, term.arguments))
+        named = term.name in self.lost or str(term) in self.lost
+        return named or any(map(self.names, term.arguments))
 
     def _other(self, operator: Operator, resource: Term) -> Iterator[Comparison]:
         if not isinstance(resource, Variable) or self._puts_away(operator, resource):

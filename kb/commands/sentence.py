@@ -16,13 +16,14 @@ from kb.commands.phrasebook import PARTICLES, tree
 from kb.commands.phrases import Meaning, alone, condition, meanings
 from kb.commands.references import References
 from kb.commands.times import in_order_of_time
-from kb.commands.undoing import Act
+from kb.commands.undoing import Act, asked_again
 from kb.commands.vocabulary import Vocabulary
 from kb.commands.words import Unclear, Words
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import And, Condition, Literal
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind
 from kb.model.problem import Chain, Problem
+from kb.model.workflow import staying
 from kb.syntax import LARGEST, unit_seconds
 from kb.terms import Atom, Function, Number, Term, Variable, substitute_atom, together
 
@@ -90,6 +91,7 @@ class _Sentence:
         _say_once(clauses, asked)
         in_time = in_order_of_time(clauses, referred)
         acts = [act for number, clause in enumerate(in_time) for act in _placed(number, clause, asked)]
+        self._refuse_repeated(acts, in_time)
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
             return arrange(acts, exclusion.apart, exclusion.interrupted)
@@ -100,6 +102,14 @@ class _Sentence:
             where = self.place(clause.offset)
             hint = "give it as a separate command, or let its phrase mean a fluent that is true then"
             raise InvalidInput([Diagnostic(where, "K604", message, hint)]) from None
+
+    def _refuse_repeated(self, acts: Sequence[Act], clauses: Sequence[Clause]) -> None:
+        found = asked_again(acts, staying(self.domain))
+        if found is not None:
+            message = f"this asks again for {found.condition}, which stays once it is so"
+            hint = "leave it out; what can be done several times is an event of the domain"
+            where = self.place(clauses[found.clause].offset)
+            raise InvalidInput([Diagnostic(where, "K604", message, hint)])
 
     def _resolved(
         self, clauses: Sequence[Clause]

@@ -5,7 +5,7 @@ drawer is open again, or still, when everything that is said between the two act
 """
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from kb.model.conditions import Condition, Literal
@@ -40,6 +40,22 @@ class Act:
 
 
 Pairs = frozenset[tuple[int, int]]
+
+
+def asked_again(acts: Sequence[Act], stays: Collection[str]) -> Act | None:
+    """The first act of a clause that only asks again, later, for what stays once it is made: "measure m9, m1, then m9".
+
+    `stays` are the predicates of such facts.
+    """
+    made, before = set[tuple[Literal, ...]](), set[tuple[Literal, ...]]()
+    for _, group in itertools.groupby(acts, key=lambda act: act.clause):
+        own = list(group)
+        asked = {act.literals for act in own}
+        lasting = all(each.atom.name in stays and each.positive for literals in asked for each in literals)
+        if lasting and asked <= made and (own[0].then or not asked <= before):
+            return own[0]
+        made, before = made | asked, asked
+    return None
 
 
 def undone(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> Pairs:

@@ -32,9 +32,9 @@ KINDS = {
         "or either any some one-of whichever anything something several few",
         "name the objects, or write a goal with `|` or `_` in a problem file",
     ),
-    "asks for two acts at the same time, which a command cannot": (
-        "meanwhile while simultaneously during concurrently",
-        "join them with 'and': acts of different objects overlap where they can",
+    "asks for two things at the same time, which a command cannot": (
+        "meanwhile while whilst simultaneously during concurrently",
+        "join acts with 'and': those of different objects overlap where they can; what an act needs meanwhile is kept by the plan",
     ),
     "says how often, and a command says each act": (
         "twice thrice times repeat repeatedly often daily hourly every",
@@ -88,12 +88,13 @@ KINDS = {
     ),
 }
 REASONS = {word: (reason, hint) for reason, (words, hint) in KINDS.items() for word in words.split()}
-TOGETHER = "asks for two acts at the same time, which a command cannot"
+TOGETHER = "asks for two things at the same time, which a command cannot"
 ORDER = "says in which order the objects come, and a command says it with 'then'"
 SAYINGS = {
     TOGETHER: ("at the same time", "at once", "in parallel", "together", "side by side"),
     ORDER: (
         *("one after the other", "one after another", "one by one", "in turn", "in order", "separately"),
+        *("in this order", "in that order", "in sequence"),
         *("individually", "beginning with", "starting with", "starting at", "beginning at"),
     ),
     "leaves a choice, and a command says which": ("one of", "two of", "one another", "everything else"),
@@ -120,6 +121,17 @@ LANGUAGES = {
     "Dutch": "de het en dan daarna niet een voor met op alle minuten open sluit zet verwarm meet",
     "Portuguese": "o os e depois então um uma para com no na todos todas minutos abra feche coloque aqueça meça",
 }
+VERBS = {  # of which one is enough to know the language
+    "German": "erwärme erhitze heize kühle messe miss fülle öffne schließe schliesse verschließe stelle lege bringe nimm wiege"
+    " prüfe lade hole setze räume",
+    "French": "chauffer chauffez chauffe mesurer mesurez remplir remplissez remplis ouvrir ouvrez fermer fermez mettre mettez"
+    " prendre prenez peser pesez refroidir refroidissez ranger rangez poser posez",
+    "Spanish": "medir mide calentar calienta enfría abrir abre cerrar cierra llenar llena pesar poner tomar guardar guarda",
+    "Italian": "misurare misura scaldare scalda riscaldare riscalda aprire apri chiudere chiudi riempire riempi mettere metti"
+    " prendere prendi",
+    "Dutch": "meten verwarm vul sluit weeg koel",
+    "Portuguese": "meça aquecer aqueça feche encher encha coloque",
+}
 FOREIGN = {language: frozenset(words.split()) for language, words in LANGUAGES.items()}
 
 
@@ -134,7 +146,7 @@ def refusal(said: Sequence[Piece], index: int, known: Collection[str], example: 
 
 
 def _reasons(said: Sequence[Piece], index: int, strange: Sequence[Piece], example: str) -> Iterator[Refusal]:
-    if (found := _language(said, strange, example)) is not None:
+    if (found := _language(said, strange, example) or _verb(said, index, strange, example)) is not None:
         yield found
     yield from _sayings(said, index)
     for piece in strange:
@@ -191,6 +203,17 @@ def _language(said: Sequence[Piece], strange: Sequence[Piece], example: str) -> 
         first = next(piece for piece in words if piece.lower in FOREIGN[language])
         return _foreign(first, language, example)
     return None
+
+
+def _verb(said: Sequence[Piece], index: int, strange: Sequence[Piece], example: str) -> Refusal | None:
+    """A refusal for a sentence that fails at a verb of another language, or at a word with letters that are not English."""
+    piece = said[index] if index < len(said) else None
+    if piece is None or piece not in strange:
+        return None
+    named = next((name for name, verbs in VERBS.items() if piece.lower in verbs.split()), "")
+    if not named and piece.text[:1].isalpha() and not piece.text.isascii():
+        named = "another language"
+    return _foreign(piece, named, example) if named else None
 
 
 _ENGLISH = "the and then for into with after before of it them all both please an"

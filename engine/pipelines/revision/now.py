@@ -1,5 +1,7 @@
 """A plan revised for what is observed now, as it is given in words: steps done, facts, and what is lost."""
 
+from collections.abc import Collection, Iterable, Iterator
+
 from engine.model.cases import Revision as Change
 from engine.pipelines.barring import barred
 from engine.pipelines.revision.changes import Changes
@@ -9,11 +11,13 @@ from engine.pipelines.revision.remaining import rest_of
 from engine.pipelines.revision.revise import PlanRevision, revise
 from engine.pipelines.simulation import Dynamics
 from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput, Source, unknown_name
+from kb.asp import AspError, ground_term
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.model.plan import Plan
 from kb.model.problem import Problem
-from kb.terms import Atom
+from kb.terms import Atom, Function, Number, Term, is_ground
 
+LOST = Source("--lost")
 Words = tuple[str, str, str, str]
 """The texts of --done, --holds, --gone and --lost."""
 
@@ -37,13 +41,26 @@ def revised_now(
 
 
 def _resources(text: str, problem: Problem) -> tuple[str, ...]:
-    """Names of objects or of resources. Raises `InvalidInput`."""
-    resources = {str(each) for operator in problem.domain.operators for each in operator.resources}
+    """Names of objects or of resources, or terms such as `slot(freezer, 1)`. Raises `InvalidInput`."""
+    resources = {str(each) for o in problem.domain.operators for each in o.resources if is_ground(each)}
     known = {*problem.domain.objects, *problem.objects, *resources}
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    wrong = [
-        unknown_name("resource", name, sorted(known), Source("--lost")) for name in names if name not in known
-    ]
+    try:
+        listed = ground_term(f"lost({text})") if text.strip() else Function("lost")
+    except AspError as error:
+        hint = "write names and terms, separated by commas: mars_gripper, slot(freezer, 1)"
+        raise InvalidInput([Diagnostic(LOST, "K107", f"'{text}' is not a list: {error}", hint)]) from None
+    terms = listed.arguments if isinstance(listed, Function) else ()
+    names = [*_unknown(terms, problem, known), *(str(each) for each in terms if isinstance(each, Number))]
+    wrong = [unknown_name("resource", name, sorted(known), LOST) for name in names]
     if wrong:
         raise InvalidInput(wrong)
-    return names
+    return tuple(map(str, terms))
+
+
+def _unknown(terms: Iterable[Term], problem: Problem, known: Collection[str]) -> Iterator[str]:
+    """The names in some terms that nothing of the problem has."""
+    for each in terms:
+        if isinstance(each, Function) and each.arguments and each.name in problem.domain.functions:
+            yield from _unknown(each.arguments, problem, known)
+        elif not isinstance(each, Number) and str(each) not in known:
+            yield str(each)

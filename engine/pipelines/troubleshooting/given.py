@@ -76,11 +76,11 @@ def moment_of(
         return moment(loaded.problem, step, seen=seen) if loaded.problem else None
     problem, plan = planning.plan_in(failed.file)
     where = Source(str(failed.file))
-    if loaded.problem is None or (problem.domain.name, problem.name) != (
-        loaded.domain.name,
-        loaded.problem.name,
-    ):
-        hint = "give the problem as the target, and a plan for it"
+    named = (
+        problem.name if loaded.problem is None else loaded.problem.name
+    )  # a domain, and a plan of a command
+    if (problem.domain.name, problem.name) != (loaded.domain.name, named):
+        hint = "give the plan's own problem as the target, or its domain"
         raise InvalidInput(
             [Diagnostic(where, "K412", f"this is a plan for another problem, {problem.name}", hint)]
         )

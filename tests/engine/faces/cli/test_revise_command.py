@@ -57,3 +57,34 @@ def test_as_expected_the_rest_goes_on(plan: str) -> None:
 )
 def test_what_is_no_step_or_fact_is_bad_input(plan: str, options: tuple[str, str]) -> None:
     assert run(app, ["revise", plan, *options]).exit_code == 2
+
+
+SENTENCE = "heat probe 2 for 10 min, then cool it for 5 min"
+
+
+@pytest.fixture
+def said_plan(tmp_path: Path) -> str:
+    """A plan of a sentence, which belongs to no problem file."""
+    file = tmp_path / "said.json"
+    file.write_text(run(app, ["plan", "themse", "--command", SENTENCE, "--format", "json"]).stdout)
+    return str(file)
+
+
+@pytest.mark.parametrize("lost", ["slot(freezer, 1)", "freezer", "slot(freezer,1), lid"])
+def test_a_place_can_be_lost_by_its_term(said_plan: str, lost: str) -> None:
+    result = run(app, ["revise", said_plan, "--lost", lost])
+    assert result.exit_code == 0
+    assert "given up: cooled(probe_2, 300)" in result.stdout
+    for wrong in ("slot(freezr, 1)", "5"):
+        assert run(app, ["revise", said_plan, "--lost", wrong]).exit_code == 2
+
+
+def test_a_plan_of_a_sentence_is_diagnosed_beside_its_domain(said_plan: str) -> None:
+    case = ["--exception", "grip_failed", "--step", "pick(lid, rim)", "--hidden", "gripper_worn"]
+    result = run(
+        app, ["diagnose", "themse", "--plan", said_plan, *case, "--recover", "--objective", "repair"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "the failed plan is continued" in result.stdout
+    other = run(app, ["diagnose", "themse/one", "--plan", said_plan, *case])
+    assert other.exit_code == 2

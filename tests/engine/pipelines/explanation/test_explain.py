@@ -120,7 +120,3 @@ def test_a_domain_without_an_operator_is_told_what_nothing_makes_true(operator: 
     explanation = explain(replace(problem, domain=replace(problem.domain, operators=left)))
     assert explanation.gaps == (gap,)
     assert all(change.kind == "drop goal" for change in explanation.changes)
-
-
-def test_what_a_fact_would_mend_is_no_gap() -> None:
-    assert explain(load_problem("themse/unsolvable")).gaps == ()
