@@ -104,7 +104,7 @@ def _is_affordable(text: str) -> bool:
 
 @contextmanager
 def within_limits(suspects: Callable[[], Iterable[Suspect]]) -> Iterator[None]:
-    """A context in which a grounding that is too large is told, with the place of the worst suspect.
+    """A context that reports a grounding that is too large, with the place of the worst suspect.
 
     Raises `InvalidInput`.
     """

@@ -14,7 +14,7 @@ def static_program(problem: Problem, about: Collection[str] | None = None) -> st
     """ASP text with exactly one model, which holds every static fact.
 
     Constraint n of the domain derives `_violated(n)`. With `about`, the model holds what is true of the predicates that are
-    named there: nothing is said about others, but for those that they rest on.
+    named there: nothing is said about others, except for those that they rest on.
     """
     domain = problem.domain
     needed = None if about is None else resting(domain, about)
