@@ -11,6 +11,7 @@ TYPED := $(shell find engine -name '*.pxd')
 $(VENV)/ready: pyproject.toml constraints.txt setup.py compiling.py $(TYPED) $(TYPED:.pxd=.py)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --config-settings editable_mode=compat -e '.[dev]'
+	$(BIN)/python -m compileall -q kb engine
 	touch $@
 
 SENTENCE := process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for 5 min \

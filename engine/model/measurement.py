@@ -59,7 +59,7 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """The measurements of a part. `left_out` names the kinds of facts about them that a domain does not know."""
+    """The measurements of a part. `left_out` names the kinds of facts about them that a domain does not know, `strange` the kinds of measurements."""
 
     name: str
     points: tuple[MeasurementPoint, ...]
@@ -67,3 +67,4 @@ class Inspection:
     features: int = 0
     remarks: tuple[Excluded, ...] = ()
     left_out: tuple[str, ...] = ()
+    strange: tuple[str, ...] = ()

@@ -19,6 +19,7 @@ from kb.targets import reference
 from kb.terms import Function
 
 NEARER = "give a smaller --edge-distance if that is too near"
+UNKNOWN = "such points are listed as impossible; declare the kind, and a tool for it"
 HINT = "measure it otherwise, or add points with `cellwright measurement add`"
 
 
@@ -35,10 +36,10 @@ def import_file(
     inspection = read_table(path, unit) if table else _read(path, unit, edge)
     _require_free_names(inspection, cell, path)
     told = tuple(all_facts(inspection, cell.conventions))
-    facts = tuple(fact for fact in told if fact.name in cell.predicates)
-    inspection = replace(
-        inspection, left_out=tuple(sorted({fact.name for fact in told} - {*cell.predicates}))
-    )
+    strange = _strange(inspection, cell)
+    facts = tuple(fact for fact in told if fact.name in cell.predicates and not _names(fact, strange, cell))
+    left_out = sorted({fact.name for fact in told} - {*cell.predicates})
+    inspection = replace(inspection, left_out=tuple(left_out), strange=strange)
     parts = partition(_problem(inspection, cell, facts))
     possible = {name for names in parts.groups.values() for name in names}
     kept = _attainable(facts, possible, cell)
@@ -50,6 +51,24 @@ def _attainable(facts: Iterable[Function], possible: Collection[str], domain: Do
     """The facts without steps of the alignment that no tool can measure: nothing should wait for these."""
     step = domain.conventions.alignment
     return (fact for fact in facts if fact.name != step or str(fact.arguments[0]) in possible)
+
+
+def _strange(inspection: Inspection, domain: Domain) -> tuple[str, ...]:
+    """The kinds of measurements, in the words of the domain, that are no values of what its measurements can need."""
+    words = domain.conventions
+    declared = domain.predicates.get(words.needs)
+    if declared is None:
+        return ()
+    kinds = {words.kind(point.kind) for point in inspection.points}
+    known = {
+        name for name, type_ in domain.objects.items() if domain.is_subtype(type_, declared.arguments[1])
+    }
+    return tuple(sorted(kinds - known))
+
+
+def _names(fact: Function, kinds: Collection[str], domain: Domain) -> bool:
+    """Whether a fact says that a measurement needs one of some kinds."""
+    return fact.name == domain.conventions.needs and str(fact.arguments[1]) in kinds
 
 
 def _read(path: Path, unit: str, edge: float | None) -> Inspection:
@@ -86,8 +105,15 @@ def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
         )
         for name in inspection.left_out
     )
+    unknown = (
+        Diagnostic(
+            where, "K807", f"the domain knows no measurement of the kind '{kind}'", UNKNOWN, warning=True
+        )
+        for kind in inspection.strange
+    )
     return (
         *undeclared,
+        *unknown,
         *(Diagnostic(where, "K807", f"{name} {what}", hint, warning=True) for name, what, hint in told),
     )
 

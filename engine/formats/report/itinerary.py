@@ -13,7 +13,8 @@ from engine.formats.report.rows import TextTable
 from engine.model.outcome import Found
 from engine.model.wording import counted
 from engine.pipelines.objective import Run
-from kb.model.plan import Plan
+from kb.model.likeness import names
+from kb.model.plan import GOAL, START, Plan
 from kb.terms import Function as Name
 from kb.terms import natural_key
 
@@ -49,6 +50,8 @@ def entry(run: Run) -> dict[str, Any]:
     groups = inspection.entry(way.partition)
     groups["impossible"] |= way.unasked
     content: dict[str, Any] = {"sequence": {**found, "partition": groups}}
+    if missed := missed_windows(run):
+        content["missed_windows"] = dict(missed)
     if isinstance(run.outcome, Found):
         content["times"] = {
             name: {"steps": own.steps, "duration": own.duration, "longest": own.longest}
@@ -72,10 +75,42 @@ def text(run: Run, unit: str) -> RenderableType:
     said: list[RenderableType] = [
         Text(f"In the order of the sequence{kept}: {tour.summary(way.tour, way.problem)}")
     ]
+    said += [Text(line) for line in _outside(run, unit)]
     said += [Text(line) for line in (*_left_out(way.partition.impossible), *_unasked(way.unasked))]
     if isinstance(run.outcome, Found) and run.timetable is not None:
         said.insert(0, _times(run.outcome.plan, unit))
     return Group(*said)
+
+
+def missed_windows(run: Run) -> Mapping[str, int]:
+    """The visits that the plan begins outside their windows, each with its begin after that of the first visit.
+
+    A window counts in the tour, which knows ways and durations of visits. The plan has all steps, and no step waits in it.
+    """
+    if run.itinerary is None or not isinstance(run.outcome, Found) or run.starts is None:
+        return {}
+    visits = {visit.name: visit.window for visit in run.itinerary.problem.visits}
+    goals = [link for link in run.outcome.plan.links if link.consumer == GOAL and link.producer != START]
+    begins = {
+        name: run.starts[link.producer] for link in goals for name in names(link.condition) if name in visits
+    }
+    first = min(begins.values(), default=0)
+    windows = {name: own for name, own in visits.items() if own is not None and name in begins}
+    after = {name: begins[name] - first for name in windows}
+    return {name: at for name, at in after.items() if not windows[name][0] <= at <= windows[name][1]}
+
+
+def _outside(run: Run, unit: str) -> list[str]:
+    """A line that names the visits which the plan begins outside their windows; none if there are none."""
+    missed = missed_windows(run)
+    told = [f"{name} at {at} {unit}" for name, at in list(missed.items())[:LISTED]]
+    if not told:
+        return []
+    more = f" and {len(missed) - LISTED} more (--format json has all)" if len(missed) > LISTED else ""
+    return [
+        f"Windows are kept in the tour, where an arm that is early waits. In the plan no step waits, and tools are changed: "
+        f"{', '.join(told)}{more} after the first visit, outside the window"
+    ]
 
 
 def _times(plan: Plan, unit: str) -> RenderableType:

@@ -80,17 +80,13 @@ def _better_way(way: Itinerary, line: Chain) -> Itinerary:
     """
     if way.fixed:
         return way
-    ends, least = way.ends, line.trial(_at(way, way.ends, line))
+    ends, least = way.ends, line.trial(way.parts(line.problem, way.ends))
     for turn in (range(len(way.visits)), *way.runs[:MOST_RUNS]):
         other = way.turned(turn)
-        value = line.trial(_at(other, ends, line))
+        value = line.trial(other.parts(line.problem, ends))
         if value < least:
             way, least = other, value
     return way
-
-
-def _at(way: Itinerary, names: set[str], line: Chain) -> list[Part]:
-    return [part for part in way.parts(line.problem) if part.name in names]
 
 
 def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:

@@ -69,8 +69,11 @@ class Itinerary:
             altered=True,
         )
 
-    def parts(self, problem: Problem) -> tuple[Part, ...]:
-        """The goals by the visit after which they can hold; what the goals ask for beside the visits comes last."""
+    def parts(self, problem: Problem, names: Collection[str] | None = None) -> tuple[Part, ...]:
+        """The goals by the visit after which they can hold; what the goals ask for beside the visits comes last.
+
+        With `names`, only the parts of these visits.
+        """
         place = {name: number for number, (name, _) in enumerate(self.visits)}
         by_tool = _ByTool(problem)
         goals: dict[int, list[Condition]] = {}
@@ -79,10 +82,10 @@ class Itinerary:
             about = max((place[name] for name in named(goal, place)), default=None)
             if about is None:
                 rest.append(goal)
-            else:
+            elif names is None or self.visits[about][0] in names:
                 goals.setdefault(about, []).append(by_tool.goal(goal, self.visits[about][1]))
         parts = [Part(self.visits[number][0], tuple(own)) for number, own in sorted(goals.items())]
-        return (*parts, Part("", tuple(rest))) if rest else tuple(parts)
+        return (*parts, Part("", tuple(rest))) if rest and names is None else tuple(parts)
 
 
 def itinerary(problem: Problem, limits: Limits = Limits(), store: str = "") -> Itinerary | None:

@@ -184,6 +184,16 @@ def test_measurements_that_cannot_be_made_and_that_no_goal_asks_for_are_told(tmp
     assert "No goal asks for 2 measurements that cannot be made: " in console.export_text()
 
 
+def test_visits_that_the_plan_begins_outside_their_windows_are_told(tmp_path: Path) -> None:
+    lasting = "".join(f"  - lasts(m{number}, 4)\n" for number in range(1, 5))
+    for window, missed in (("0, 100000", set[str]()), ("5000, 6000", {"m2"})):
+        run = plan(inspection(tmp_path, text(4, more=f"{lasting}  - window(m2, {window})")))
+        console = Console(width=400, record=True, file=StringIO())
+        console.print(shown(run, "s"))
+        assert set(entry(run).get("missed_windows", {})) == missed
+        assert ("outside the window" in console.export_text()) == bool(missed)
+
+
 def test_a_sentence_that_orders_measurements_has_them_made_in_this_order() -> None:
     """A measurement that was made stays made, so nothing but the tour keeps its place in the order."""
     problem = problem_of("bulkhead/twelve_points", command="measure m9, then m1, then m8")

@@ -4,7 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from engine.formats.interop.inspections import import_file, remarks
 from engine.formats.interop.tables import read_table
+from engine.model.outcome import Found
+from engine.pipelines.inspection import NO_TOOL
+from engine.pipelines.objective import plan
+from engine.pipelines.planning import problem_of
 from kb.diagnostics import Diagnostic, InvalidInput
 
 HEAD = "name,x,y,z,nx,ny,nz,kind,tolerance,bore,feature,remark\n"
@@ -71,3 +76,16 @@ def test_all_missing_columns_are_told_at_once_and_misspelt_ones(tmp_path: Path) 
 
 def test_a_table_without_rows_is_refused(tmp_path: Path) -> None:
     assert "no rows" in wrong(tmp_path, HEAD)[0].message
+
+
+def test_a_kind_that_the_domain_does_not_know_is_told_and_the_problem_plans(tmp_path: Path) -> None:
+    rows = "a,1,2,0,0,0,-1,thickness,0.5,,,\nb,9,2,0,0,0,-1,profile,0.5,,,\nc,3,3,0,0,0,-1,roughness,0.5,,,\n"
+    path = table(tmp_path, HEAD + rows)
+    inspection, parts, text = import_file(path, "bulkhead", table=True)
+    assert parts.impossible == {"c": NO_TOOL}
+    assert [each.message for each in remarks(inspection, path)] == [
+        "the domain knows no measurement of the kind 'roughness'"
+    ]
+    written = tmp_path / "points.yaml"
+    written.write_text(text)
+    assert isinstance(plan(problem_of(str(written))).outcome, Found)
