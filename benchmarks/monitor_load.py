@@ -10,6 +10,7 @@ import argparse
 import asyncio
 import json
 import multiprocessing
+import os
 import shutil
 import socket
 import statistics
@@ -17,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,14 +93,20 @@ async def client(address: str, last: int, delays: list[float]) -> list[int]:
     return numbers
 
 
+def processor_s(process: int) -> float:
+    """The processor time that a process has taken, in seconds."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def resident_mb(process: int) -> float:
     """The memory of a process in megabytes."""
     pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     return pages * 4096 / 1e6
 
 
-async def page(address: str, ended: asyncio.Event, heap: list[float]) -> None:
-    """Keep the page of the run open, and note what its script takes, in megabytes."""
+async def page(address: str, ended: asyncio.Event, heap: list[float], nodes: list[int]) -> None:
+    """Keep the page of the run open, and note what its script takes, in megabytes, and how many elements it has."""
     chromium = shutil.which("chromium")
     try:
         from playwright.async_api import async_playwright
@@ -116,6 +124,7 @@ async def page(address: str, ended: asyncio.Event, heap: list[float]) -> None:
             await session.send("HeapProfiler.collectGarbage")
             used = await session.send("Runtime.getHeapUsage")
             heap.append(used["usedSize"] / 1e6)
+            nodes.append(await opened.evaluate("document.querySelectorAll('*').length"))
         await browser.close()
 
 
@@ -123,10 +132,11 @@ async def measured(
     store: str, address: str, server: int, steps: int, rate: float, clients: int
 ) -> dict[str, Any]:
     """Watch the run from its beginning to its end."""
-    ended, heap, memory = asyncio.Event(), list[float](), list[float]()
+    ended, heap, nodes, memory = asyncio.Event(), list[float](), list[int](), list[float]()
     delays: list[list[float]] = [[] for _ in range(clients)]
-    watching = asyncio.create_task(page(address, ended, heap))
+    watching = asyncio.create_task(page(address, ended, heap, nodes))
     await asyncio.sleep(5.0)
+    before_s = processor_s(server)
     writer = multiprocessing.get_context("spawn").Process(target=written, args=(store, steps, rate))
     writer.start()
     last = 2 + 3 * steps
@@ -134,6 +144,7 @@ async def measured(
     while not all(each.done() for each in readers):
         await asyncio.sleep(5.0)
         memory.append(resident_mb(server))
+    taken_s = processor_s(server) - before_s
     ended.set()
     await watching
     came = [each.result() for each in readers]
@@ -143,9 +154,16 @@ async def measured(
         "lost or doubled": sum(numbers != list(range(1, last + 1)) for numbers in came),
         "delay ms, median": round(1000 * statistics.median(every), 1),
         "delay ms, 95 %": round(1000 * every[int(0.95 * len(every))], 1),
-        "server MB, after a quarter, half, all": [round(memory[int(q * (len(memory) - 1))], 1) for q in (0.25, 0.5, 1.0)],
-        "page MB, after a quarter, half, all": [round(heap[int(q * (len(heap) - 1))], 1) for q in (0.25, 0.5, 1.0)] if heap else [],
-    }  # fmt: skip
+        "server, processor ms for a record": round(1000 * taken_s / last, 2),
+        "server MB, after a quarter, half, all": _at_quarters(memory),
+        "page MB, after a quarter, half, all": _at_quarters(heap),
+        "elements of the page, after a quarter, half, all": _at_quarters(nodes),
+    }
+
+
+def _at_quarters(values: Sequence[float]) -> list[float]:
+    """What was measured after a quarter, after a half and at the end."""
+    return [round(values[int(q * (len(values) - 1))], 1) for q in (0.25, 0.5, 1.0)] if values else []
 
 
 def main() -> None:

@@ -6,12 +6,10 @@ A journal is only appended to. Its lines count from 1 without gaps, so what is m
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Any
 
 from sqlalchemy import (
     Column,
-    Engine,
     Integer,
     MetaData,
     PoolProxiedConnection,
@@ -21,8 +19,9 @@ from sqlalchemy import (
     select,
 )
 
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.store.engines import refusal, transaction
-from kb.store.opening import opened
+from kb.store.opening import Database
 
 metadata = MetaData()
 runs = Table(
@@ -69,29 +68,20 @@ class Begun:
     document: Mapping[str, Any]
 
 
-class Journal:
+class Journal(Database):
     """The journals in a database, given by a file or a URL. Raises `InvalidInput` if the database cannot be opened."""
 
     def __init__(self, target: str) -> None:
-        self.target = target
-        self._engine: Engine = opened(target, durable=True)
+        super().__init__(target, durable=True)
         self._held: PoolProxiedConnection | None = None
         with transaction(self._engine, target, writes=True) as connection:
             metadata.create_all(connection)
-
-    def __enter__(self) -> "Journal":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Give back the connection."""
         if self._held is not None:
             self._held.close()
-        self._engine.dispose()
+        super().close()
 
     def begin(self, run: str, begun: str, document: Mapping[str, Any]) -> bool:
         """Make a journal; False if there is one of this name already."""
@@ -101,6 +91,12 @@ class Journal:
             row = {"run": run, "begun": begun, "document": json.dumps(document, ensure_ascii=False)}
             connection.execute(runs.insert(), [row])
         return True
+
+    def withdraw(self, run: str) -> None:
+        """Take a run off the list if it has no line: it never began."""
+        if not self.last(run):
+            with transaction(self._engine, self.target, writes=True) as connection:
+                connection.execute(runs.delete().where(runs.c.run == run))
 
     def append(self, run: str, group: Sequence[Line]) -> None:
         """Append lines in one transaction, and have them written to the disk. Raises `JournalFailure`."""
@@ -137,6 +133,18 @@ class Journal:
         """The run of this name; None if there is none."""
         return next((each for each in self.begun() if each.run == name), None)
 
+    def known(self, name: str) -> Begun:
+        """The run of this name. Raises `InvalidInput` if there is none."""
+        found = self.run(name)
+        if found is None:
+            names = [each.run for each in self.begun()]
+            hint = nearest(name, names) or (
+                f"one of: {', '.join(names[-8:])}" if names else "it has no runs yet"
+            )
+            message = f"there is no run of this name in {self.target}"
+            raise InvalidInput([Diagnostic(Source(name), "K421", message, hint)])
+        return found
+
     def begun(self) -> tuple[Begun, ...]:
         """All runs, the oldest first."""
         with transaction(self._engine, self.target) as connection:
@@ -159,12 +167,15 @@ class Journal:
             found = connection.execute(asked).first()
         return None if found is None else Line(number, found[0], found[1], _content(self.target, found[2]))
 
-    def lines(self, run: str, after: int = 0, kinds: Sequence[str] = ()) -> Iterator[Line]:
-        """The lines of a run behind a number, in order; only those of some kinds, if they are named."""
+    def lines(
+        self, run: str, after: int = 0, kinds: Sequence[str] = (), until: int | None = None
+    ) -> Iterator[Line]:
+        """The lines of a run behind a number, up to another one if it is given, in order; only of some kinds, if they are named."""
         while True:
             asked = select(lines.c.number, lines.c.at_ms, lines.c.kind, lines.c.content)
             asked = asked.where((lines.c.run == run) & (lines.c.number > after))
             asked = asked.where(lines.c.kind.in_(kinds)) if kinds else asked
+            asked = asked.where(lines.c.number <= until) if until is not None else asked
             with transaction(self._engine, self.target) as connection:
                 page = connection.execute(asked.order_by(lines.c.number).limit(PAGE)).all()
             for number, at_ms, kind, text in page:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 
-from nicegui import background_tasks, ui
+from nicegui import background_tasks, events, ui
 
 from engine.faces.monitor.choosing import mentions
 from engine.faces.monitor.solids import Solids
@@ -68,7 +68,8 @@ class Cell3D(View):
                 )
             self._touching = ui.label("").props('data-testid="touching" role="status"')
             self._motion = ui.label("").props('data-testid="motion"')
-        self._scene, self._bodies = scene_of(self._solids)
+        self._scene, self._bodies = scene_of(self._solids, clicks=["dblclick"])
+        self._scene.on_click(self._clicked)
         with self._scene:
             self._path = self._scene.point_cloud([], [], 0.012)
         self._turn("corner", 0.0)
@@ -76,6 +77,12 @@ class Cell3D(View):
     def sign(self) -> object:
         """How far motions are found."""
         return None if self._solids is None else self.look.shared.motions(self.look.run.run).looked
+
+    def _clicked(self, event: events.SceneClickEventArguments) -> None:
+        """A double click chooses a body."""
+        found = next((each.object_name for each in event.hits if each.object_name in self._bodies), "")
+        if found:
+            self.look.choose(found)
 
     def _turn(self, side: str, seconds: float = 0.5) -> None:
         assert self._solids is not None

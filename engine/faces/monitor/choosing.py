@@ -2,8 +2,10 @@
 
 import re
 from collections.abc import Iterable
+from typing import Any
 
 from engine.faces.monitor.following import Watched
+from engine.model.wording import counted
 
 
 def related(run: Watched, choice: str) -> frozenset[str]:
@@ -43,14 +45,35 @@ def told_of(run: Watched, choice: str) -> list[str]:
         return []
     if (lines := _of_step(run, choice)) is not None:
         return lines
-    lines = [f"{choice}"]
+    lines = []
     if choice in run.holds:
         number = run.holds[choice]
         lines.append(f"holds since record {number}" if number else "held at the start")
+    lines += [f"goal: {goal}, {stands}" for goal, stands in run.goals.items() if mentions([choice], [goal])]
+    lines += [
+        _of_finding(each) for each in run.findings if choice in (each.get("action"), each.get("exception"))
+    ]
     steps = sorted(steps_of(run, choice))
-    lines += [f"in {len(steps)} steps of the plan: {', '.join(steps[:6])}"] if steps else []
+    lines += [f"in {counted(len(steps), 'step')} of the plan: {', '.join(steps[:6])}"] if steps else []
     done = [each["action"] for each in run.histories if mentions([choice], [each["action"], *each["adds"]])]
-    return lines + ([f"done: {', '.join(done[-6:])}"] if done else [])
+    lines += [f"done: {', '.join(done[-6:])}"] if done else []
+    return lines or ["nothing of this name is in the plan, the world or the diagnosis"]
+
+
+def step_about(run: Watched, choice: str) -> int | None:
+    """The id of the step of the plan that is chosen, or that brings the fact that is chosen; None if there is none."""
+    steps = run.plan.get("steps", ()) if choice else ()
+    brings = (each for each in steps if choice in (*each.get("adds", ()), *each.get("events", ())))
+    found = next((each for each in steps if each["step"] == choice), None) or next(brings, None)
+    return None if found is None else int(found["id"])
+
+
+def _of_finding(each: dict[str, Any]) -> str:
+    """What a test or a repair was for, and what came of it; how an exception showed, or what was its cause."""
+    outcome = (
+        each.get("outcome") or each.get("reply") or ", ".join(name for name, _ in each.get("causes", ()))
+    )
+    return f"{each['kind']} of {each['exception']}: {outcome}"
 
 
 def _of_step(run: Watched, step: str) -> list[str] | None:
@@ -60,7 +83,9 @@ def _of_step(run: Watched, step: str) -> list[str] | None:
         return None
     after = [steps[each]["step"] for each in found.get("after", ()) if each in steps]
     before = [each["step"] for each in steps.values() if found["id"] in each.get("after", ())]
-    lines = [f"step {found['id']}: {step}", f"device: {found['stream']}, says: {found.get('says', '')}"]
+    bar = run.bars.get(found["id"])
+    stands = f", {bar.standing}" if bar is not None else ""
+    lines = [f"step {found['id']}{stands}", f"device: {found['stream']}, says: {found.get('says', '')}"]
     lines += [f"waits for: {', '.join(after) or 'nothing'}", f"goes before: {', '.join(before) or 'nothing'}"]
     brings = [*found.get("adds", ()), *found.get("events", ())]
     lines += [f"brings: {', '.join(brings) or 'nothing'}"]

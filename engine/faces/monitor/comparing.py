@@ -24,6 +24,7 @@ class Compared(View):
         """Make what is shown, still empty."""
         others = [each.run for each in self.look.shared.runs() if each.run != self.look.follower.run]
         self._other = ui.select(others, label="the other run", on_change=self.show)
+        self._same: tuple[str, int] = ("", 0)  # the other run, and how many records are known to be the same
         self._other.props('dense options-dense data-testid="other"').classes("w-64")
         self._told = ui.label("").props('data-testid="difference" role="status"')
         self._table = made(self.look.choose, "record", self.look.follower.run, "the other run")
@@ -39,12 +40,13 @@ class Compared(View):
             self._told.set_text(refused.diagnostics[0].message)
             return
         mine = self.look.follower.records
-        number = first_difference(mine, other)
-        same = "the runs are the same; times do not count"
-        self._told.set_text(f"✗ the first difference is record {number}" if number else f"✓ {same}")
-        first = max(0, (number or 1) - AROUND)
-        pairs = list(zip_longest(mine, other))[first : (number or len(mine)) + AROUND]
-        fill(self._table, [_row(each, number) for each in pairs])
+        name, same = str(self._other.value), self._same[1] if self._same[0] == self._other.value else 0
+        number = first_difference(mine, other, same)
+        self._same = name, number - 1 if number else len(mine)
+        alike = "the runs are the same; times do not count"
+        self._told.set_text(f"✗ the first difference is record {number}" if number else f"✓ {alike}")
+        first, last = max(0, (number or 1) - AROUND), (number or len(mine)) + AROUND
+        fill(self._table, [_row(each, number) for each in zip_longest(mine[first:last], other[first:last])])
 
 
 def _row(pair: tuple[Record | None, Record | None], number: int) -> tuple[str, str, str]:

@@ -9,7 +9,7 @@ from nicegui import ui
 from engine.faces.monitor.charts import belief_chart, run_chart
 from engine.faces.monitor.choosing import related
 from engine.faces.monitor.reasons import decision_tree
-from engine.faces.monitor.sequences import sequence_picture
+from engine.faces.monitor.sequences import pickable, sequence_picture
 from engine.faces.monitor.tables import fill, made
 from engine.faces.monitor.viewing import View, picture
 from engine.formats.report.execution import duration
@@ -27,12 +27,13 @@ class Sequence(View):
 
     def show(self) -> None:
         """Show the run as it stands."""
-        plan = self.look.run.plan
-        if plan is self._drawn:
+        plan, chosen = self.look.run.plan, self.look.step
+        if (id(plan), chosen) == self._drawn:
             return
-        self._drawn = plan
+        self._drawn = id(plan), chosen
         made_ = sequence_picture(self.look.shared.target(self.look.run.run), plan) if plan else None
-        self._picture.set_content(made_ or "This plan measures nothing whose place is known.")
+        said = "This plan measures nothing whose place is known."
+        self._picture.set_content(pickable(made_, chosen) if made_ else said)
 
 
 class Diagnosis(View):

@@ -1,20 +1,21 @@
 """Follows the journal of a run, and tells how the run stood at any of its records."""
 
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from engine.faces.monitor.keeping import Kept
 from engine.formats.report.narration import narrated
 from engine.formats.report.standing import Standing
-from engine.model.execution import Record, RecordKind
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from engine.model.execution import CommandKind, Phase, Record, RecordKind
 from kb.store.journal import Begun, Journal, Line
 
-KEPT = 2000  # records between two states that are kept for going back
+KEPT = 2000  # records at least between two states that are kept for going back
+STATES = 8  # that are kept at most
+SEEKING = (CommandKind.TEST, CommandKind.REPAIR, CommandKind.ASK)
 Content = dict[str, Any]
-LOG = 2000  # lines of the log that a page can show
+LOG, DONE = 2000, 400  # lines of the log, and steps that were done, that are kept for pages
 
 
 @dataclass
@@ -55,7 +56,9 @@ class Watched(Standing):
         self.goals |= dict(content["given_up"])
 
     def asked(self, content: Content, _: Record) -> None:
-        """A command was noted; some ask a person."""
+        """A command was noted; some ask a person, and some look for what went wrong."""
+        if content["command_kind"] in SEEKING:
+            self.phase = Phase.HANDLING.value
         if content.get("asks"):
             self.questions[content["command"]] = content
 
@@ -67,6 +70,7 @@ class Watched(Standing):
         """A step was done."""
         self.become(content, record)
         self.histories.append({**content, "ended_ms": record.at_ms})
+        del self.histories[:-DONE]
 
     def measured(self, content: Content, record: Record) -> None:
         """A value was measured."""
@@ -117,34 +121,47 @@ class Follower:
 
     def __init__(self, store: str, run: str, initial: Sequence[str] = ()) -> None:
         with Journal(store) as journal:
-            begun = journal.begun()
-        if not any(each.run == run for each in begun):
-            hint = (
-                nearest(run, [each.run for each in begun]) or "`cellwright results` lists the runs of a store"
-            )
-            said = f"no run of this name in {store}"
-            raise InvalidInput([Diagnostic(Source(run), "K421", said, hint)])
+            self.about: Mapping[str, Any] = journal.known(run).document
         self.store, self.run = store, run
-        self.records: list[Record] = []
-        self.about: Mapping[str, Any] = next(each.document for each in begun if each.run == run)
+        self.records = Kept(self._read)
+        self._exceptions: list[int] = []
         self._ends: dict[int, int] = {}
         self.latest = Watched(run, holds=dict.fromkeys(initial, 0))
-        self._kept = [self.latest.copied()]
+        self._kept, self._apart = [self.latest.copied()], KEPT
         self._journal: Journal | None = None
 
     def refresh(self) -> int:
         """Read what has come; how many records that are."""
+        fresh = 0
+        for line in self._open().lines(self.run, len(self.records)):
+            self._take(record_of(line))
+            fresh += 1
+        return fresh
+
+    def _take(self, record: Record) -> None:
+        self.records.append(record)
+        self.latest.take(record)
+        if record.kind is RecordKind.REPLY:
+            self._ends[record.content["command"]] = record.at_ms
+        if record.kind is RecordKind.EXCEPTION:
+            self._exceptions.append(record.number)
+        if record.number == self._apart * len(self._kept):
+            self._kept.append(self.latest.copied())
+        if len(self._kept) > STATES:  # half of them, twice as far apart, are as good for a longer run
+            self._kept, self._apart = self._kept[::2], 2 * self._apart
+
+    def _open(self) -> Journal:
         if self._journal is None:
             self._journal = Journal(self.store)
-        fresh = [record_of(line) for line in self._journal.lines(self.run, len(self.records))]
-        for record in fresh:
-            self.records.append(record)
-            self.latest.take(record)
-            if record.kind is RecordKind.REPLY:
-                self._ends[record.content["command"]] = record.at_ms
-            if record.number % KEPT == 0:
-                self._kept.append(self.latest.copied())
-        return len(fresh)
+        return self._journal
+
+    def _read(self, after: int, until: int) -> list[Record]:
+        return [record_of(line) for line in self._open().lines(self.run, after, until=until)]
+
+    def done(self, after: int, until: int) -> list[Content]:
+        """The steps that were done behind one record up to another one, with the time at which each ended."""
+        found = self._open().lines(self.run, after, [RecordKind.DONE.value], until)
+        return [{**line.content, "number": line.number, "ended_ms": line.at_ms} for line in found]
 
     def close(self) -> None:
         """Give back the connection to the journal; the next look opens another one."""
@@ -159,7 +176,7 @@ class Follower:
         """
         if number >= len(self.records):
             return self.latest
-        number, kept = max(0, number), self._kept[max(0, number) // KEPT]
+        number, kept = max(0, number), self._kept[max(0, number) // self._apart]
         useful = before is not None and before is not self.latest and kept.number <= before.number <= number
         found = before if before is not None and useful else kept.copied()
         for record in self.records[found.number : number]:
@@ -168,7 +185,7 @@ class Follower:
 
     def number_at(self, at_ms: float) -> int:
         """The number of the last record up to a time on the run's clock; at least 1."""
-        return max(1, bisect_right(self.records, at_ms, key=lambda each: each.at_ms))
+        return max(1, self.records.number_at(at_ms))
 
     def ends_ms(self, command: int) -> int | None:
         """When a command had ended; None if it has not."""
@@ -176,7 +193,7 @@ class Follower:
 
     def exceptions(self) -> list[int]:
         """The numbers of the records that tell of an exception."""
-        return [each.number for each in self.records if each.kind is RecordKind.EXCEPTION]
+        return self._exceptions
 
 
 def record_of(line: Line) -> Record:
@@ -190,9 +207,13 @@ def runs_of(store: str) -> tuple[Begun, ...]:
         return journal.begun()[::-1]
 
 
-def first_difference(one: Sequence[Record], other: Sequence[Record]) -> int:
-    """The number of the first record that two runs do not share; 0 if they are the same. Times and the run itself do not count."""
-    for number, (a, b) in enumerate(zip(one, other, strict=False), 1):
-        if number > 1 and (a.kind, a.content) != (b.kind, b.content):
-            return number
-    return 0 if len(one) == len(other) else min(len(one), len(other)) + 1
+def first_difference(one: Sequence[Record], other: Sequence[Record], same: int = 0) -> int:
+    """The number of the first record that two runs do not share; 0 if they are the same. Times and the run itself do not count.
+
+    So many of the first records are known to be the `same`.
+    """
+    both = min(len(one), len(other))
+    for n in range(max(1, same), both):
+        if (one[n].kind, one[n].content) != (other[n].kind, other[n].content):
+            return n + 1
+    return 0 if len(one) == len(other) else both + 1

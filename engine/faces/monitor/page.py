@@ -6,15 +6,28 @@ import time
 from nicegui import ui
 
 from engine.faces.monitor.cell3d import PLACING
+from engine.faces.monitor.chosen import Chosen
 from engine.faces.monitor.playing import SPEEDS, Player
 from engine.faces.monitor.shared import Shared
-from engine.faces.monitor.steering import Steering
+from engine.faces.monitor.steering import MOVING, Steering
 from engine.faces.monitor.viewing import Look, View
 from engine.faces.monitor.views import VIEWS
 from engine.formats.report.execution import duration
 from engine.model.wording import counted
 
 LOOK_S = 0.1  # between two looks
+STANDS = {  # phase or end of a run: its sign, its colour, and what it means
+    "ready": ("○", "blue-grey", "planned; it waits until it is approved"),
+    "running": ("▶", "green-9", "the plan is carried out"),
+    "interrupting": ("⏸", "deep-orange-9", "ends the current goal, then pauses"),
+    "quiescing": ("⚠", "deep-orange-9", "something failed: nothing more begins, what is under way ends"),
+    "handling": ("⚠", "deep-orange-9", "finds out what went wrong, and puts it right"),
+    "paused": ("⏸", "deep-orange-9", "waits for an order; nothing moves"),
+    "reached": ("✓", "green-9", "all goals are reached"),
+    "partly": ("◐", "deep-orange-9", "some goals are reached, others were given up"),
+    "stopped": ("■", "red-9", "a safe stop: nothing moves"),
+    "aborted": ("✗", "red-9", "ended for good"),
+}
 SCRIPT = """
 async function send(path, content) {
   const answer = await fetch(path, {
@@ -42,8 +55,9 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Enter") choose(event);
 });
 """
-KEYS = """k plays or stands · , . one record · Home End · x next exception · l live · 1 to 9 and 0 views ·
-p pause · c go on · s stop · r retry · y approve · m more orders"""
+BAR = "padding: 2px 10px"  # of the head and the foot of a page
+KEYS = """k plays or stands · , . one record · Home End · x next exception · l live · 1 to 9, 0 and - views ·
+f choose by name · Esc choose nothing · p pause · c go on · s stop · r retry · y approve · m more orders"""
 
 
 def head(shared: Shared) -> None:
@@ -72,6 +86,7 @@ class RunPage:
         self._head()
         if self._steering is not None:
             self._steering.banner()
+        self._chosen = Chosen(self.look)
         self._views = self._body()
         self._foot()
         ui.on("go", lambda event: self._go(int(event.args)))
@@ -80,12 +95,13 @@ class RunPage:
         ui.timer(LOOK_S, self.tick)
 
     def _head(self) -> None:
-        with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
+        with ui.header().classes("items-center gap-2").style(BAR):
             ui.link("runs", "/").classes("text-white")
             ui.label(self.name).classes("text-h6").props('data-testid="title"').tooltip(
                 self.look.follower.store
             )
-            self._phase = ui.badge("").props('data-testid="phase" role="status"')
+            with ui.badge("").props('data-testid="phase" role="status"').classes("text-body2") as self._phase:
+                self._meaning = ui.tooltip("")
             self._clock = ui.label("").props('data-testid="clock"')
             ui.space()
             self._steering = None if self.shared.read_only else Steering(self.shared, self.name)
@@ -98,9 +114,14 @@ class RunPage:
         self._dark_mode.value = not self._dark_mode.value
 
     def _body(self) -> dict[str, View]:
-        with ui.tabs().props("dense align=left no-caps outside-arrows mobile-arrows") as self._tabs:
-            for each in VIEWS:
-                ui.tab(each.name).props(f'data-testid="tab-{each.name}"')
+        with ui.row().classes("w-full items-center no-wrap gap-2 q-px-sm"):
+            with ui.tabs().classes("col").style("min-width: 0") as self._tabs:
+                self._tabs.props("dense align=left no-caps outside-arrows mobile-arrows")
+                for each in VIEWS:
+                    ui.tab(each.name).props(f'data-testid="tab-{each.name}"')
+            self._field = ui.input("choose by name").classes("w-40")
+            self._field.props('dense clearable data-testid="choose"')
+            self._field.on("keydown.enter", lambda: self._choose(str(self._field.value or "")))
         views = {}
         with ui.tab_panels(self._tabs, value=VIEWS[0].name).props("keep-alive").classes("w-full"):
             for each in VIEWS:
@@ -110,7 +131,7 @@ class RunPage:
         return views
 
     def _foot(self) -> None:
-        with ui.footer().classes("items-center q-py-none q-px-sm gap-2"):
+        with ui.footer().classes("items-center no-wrap gap-2").style(BAR):
             self._play = ui.button(icon="play_arrow", on_click=self._play_or_stand).props(
                 'dense flat color="white" aria-label="play" data-testid="play"'
             )
@@ -123,10 +144,6 @@ class RunPage:
             self._live.props('color="green" data-testid="live"')
             ui.button("exception", on_click=self._to_exception).props('dense no-caps data-testid="exception"')
             ui.icon("keyboard").tooltip(KEYS).props('tabindex="0"')
-
-    @staticmethod
-    def _press(order: str) -> None:
-        ui.run_javascript(f"document.querySelector('[data-testid={json.dumps(order)}]')?.click()")
 
     def tick(self, anew: bool = False) -> None:
         """Show what is new; with `anew` whatever is to be shown."""
@@ -155,10 +172,18 @@ class RunPage:
         self._slider.set_value(player.number)
         self._live.set_value(player.live)
         self._play.props(f"icon={'pause' if player.speed else 'play_arrow'}")
-        self._phase.set_text(look.run.phase)
+        self._say_phase(look.run.phase)
         so_far, in_all = duration(round(look.clock_ms)), duration(max(look.run.end_ms, look.run.now_ms))
         self._clock.set_text(f"{so_far} of about {in_all}, {counted(player.number, 'record')}")
         self._views[str(self._tabs.value)].show()
+        self._chosen.show()
+
+    def _say_phase(self, phase: str) -> None:
+        sign, colour, said = STANDS.get(phase, ("", "grey-8", phase))
+        lost = self.player.live and phase in MOVING and not self.shared.goes_on(self.name)
+        self._phase.set_text(f"{sign} {phase}{', but nobody carries it out' if lost else ''}")
+        self._phase.props(f"color={colour}")
+        self._meaning.set_text(said)
 
     def _slid(self) -> None:
         if (number := int(self._slider.value or 0)) != self.player.number:
@@ -186,7 +211,7 @@ class RunPage:
         self.tick(anew=True)
 
     def _choose(self, step: str) -> None:
-        self.look.step = step
+        self.look.step = step.strip()
         self.tick(anew=True)
 
     def _to_exception(self) -> None:
@@ -201,21 +226,24 @@ class RunPage:
             return
         name = str(key.name)
         count, number = len(self.player.follower.records), self.player.number
+        plain = {
+            "k": self._play_or_stand,
+            "x": self._to_exception,
+            "l": self.player.to_the_end,
+            "Escape": lambda: self._choose(""),
+            "f": lambda: self._field.run_method("focus"),
+        }
         jumps = {",": number - 1, ".": number + 1, "Home": 0, "End": count}
         if name in jumps:
             self.player.go_to(jumps[name])
-        elif name.isdigit() and int(name or 0) <= len(self._views):
-            self._tabs.set_value(list(self._views)[(int(name) or 10) - 1])
-        elif name == "k":
-            self._play_or_stand()
-        elif name == "x":
-            self._to_exception()
-        elif name == "l":
-            self.player.live, self.player.speed = True, 0.0
+        elif name in VIEW_KEYS:
+            self._tabs.set_value(list(self._views)[VIEW_KEYS.index(name)])
+        elif name in plain:
+            plain[name]()
         elif not self.shared.read_only and name in ORDERS_BY_KEY:
-            button = f"document.querySelector('[data-testid=\"{ORDERS_BY_KEY[name]}\"]')?.click()"
-            ui.run_javascript(button)
+            ui.run_javascript(f"document.querySelector('[data-testid={ORDERS_BY_KEY[name]}]')?.click()")
         self.tick(anew=True)
 
 
+VIEW_KEYS = "1234567890-"
 ORDERS_BY_KEY = {"p": "interrupt", "c": "continue", "s": "stop", "r": "retry", "y": "approve", "m": "more"}

@@ -56,6 +56,10 @@ class Player:
         self.number = max(0, min(number, len(self.follower.records)))
         self.clock_ms = float(self.follower.records[self.number - 1].at_ms) if self.number else 0.0
 
+    def to_the_end(self) -> None:
+        """Show the end, and whatever comes."""
+        self.live, self.speed = True, 0.0
+
     def play(self, speed: float) -> None:
         """Go through the run from here; from its other end, if this is the end."""
         at_end = self.clock_ms >= self.last_ms if speed > 0 else self.clock_ms <= 0

@@ -1,6 +1,6 @@
 """Answers that take a while, found in a process of their own: why a step is in a plan, and the decision tree of an exception."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -52,13 +52,23 @@ def decision_tree(target: str, exception: str, step: str) -> str:
     return drawn(found.session.case.problem, made, expected_cost(made))
 
 
-def contact_states(target: str) -> str:
-    """The net of the cell's contact states as SVG, marked as the cell begins; a sentence if the cell has no contact model."""
+def contact_states(target: str, facts: Collection[str]) -> tuple[str, list[tuple[str, ...]]]:
+    """The net of the cell's contact states as SVG, marked as facts tell, and for each object: its place, what that is, who else is there.
+
+    A sentence and nothing if the cell has no contact model.
+    """
     from engine.formats.report.states_svg import net as drawn
-    from engine.pipelines.task_space import model_of, net
+    from engine.pipelines.task_space.marking import marking, player_of
 
     try:
-        model, _ = model_of(target)
-        return drawn(net(model))
+        player = player_of(target)
     except InvalidInput as refused:
-        return refused.diagnostics[0].message
+        return refused.diagnostics[0].message, []
+    marked, said = marking(player, facts), {each.name: each.say for each in player.net.places}
+    rows = [
+        (name, place, said.get(place, "no place is known for this"), ", ".join(each for each in inside if each != name))
+        for place, clusters in marked.items()
+        for inside in clusters
+        for name in inside
+    ]  # fmt: skip
+    return drawn(player.net, marked), sorted(rows)

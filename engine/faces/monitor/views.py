@@ -1,28 +1,30 @@
 """The views of a run. Each is made once for a page, and shows the run as it stands when it is told to."""
 
-import asyncio
+import time
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from nicegui import background_tasks, ui
+from nicegui import ui
 
 from engine.faces.monitor.cell3d import Cell3D
-from engine.faces.monitor.charts import gantt
-from engine.faces.monitor.choosing import related, steps_of, told_of
+from engine.faces.monitor.charts import MOST_BARS, gantt
+from engine.faces.monitor.choosing import related, steps_of
 from engine.faces.monitor.comparing import Compared
 from engine.faces.monitor.findings import Diagnosis, Results, Sequence
-from engine.faces.monitor.reasons import contact_states, reasons
-from engine.faces.monitor.tables import fill, made
-from engine.faces.monitor.viewing import View, picture
+from engine.faces.monitor.following import Watched
+from engine.faces.monitor.states import States
+from engine.faces.monitor.tables import SHOWN, fill, made
+from engine.faces.monitor.viewing import View
 from engine.formats.report import svg
 from engine.formats.report.execution import duration
 from engine.pipelines.execution.records import compiled_of
 
 LARGEST = 150  # steps of a plan that is drawn
+PAUSE_S = 0.5  # between two pictures of very many steps
 
 
 class Now(View):
-    """Devices and their current steps, all steps over time, the step that is chosen, goals, and what changed last."""
+    """Devices and their current steps, all steps over time, goals, and what changed last."""
 
     name = "now"
 
@@ -32,52 +34,33 @@ class Now(View):
         with ui.row().classes("w-full items-start"):
             self._current = made(self.look.choose, "device", "current step", "since")
             self._goals = made(self.look.choose, "goal", "stands")
-            self._chosen = ui.column().classes("gap-0 col").props('data-testid="chosen" role="status"')
-        self._told: tuple[object, ...] = ()
-        self._field = ui.input("chosen: a step, a fact, an object").classes("w-96")
-        self._field.props('dense clearable data-testid="choose"')
-        self._field.on("keydown.enter", lambda: self.look.choose(str(self._field.value or "")))
+        self._drawn_s, self._rimmed = 0.0, frozenset[str]()
         self._log = ui.column().classes("w-full gap-0")
 
     def show(self) -> None:
         """Show the run as it stands."""
         run = self.look.run
         chosen = self.look.step
-        self._chart.set_content(gantt(run, round(self.look.clock_ms), steps_of(run, chosen)))
+        self._draw(run, steps_of(run, chosen))
         current = [(stream, action, duration(since)) for stream, action, since, _ in run.under_way.values()]
         fill(self._current, current, related(run, chosen))
         fill(self._goals, sorted(run.goals.items()), related(run, chosen))
-        self._tell(told_of(run, chosen))
         self._log.clear()
         with self._log:
             for _, line in run.story[-8:]:
                 ui.label(line).classes("text-caption")
 
-    def _tell(self, lines: list[str]) -> None:
-        """Tell of what is chosen; why a step is in the plan takes a moment."""
-        told = (*lines, len(self.look.run.plan.get("steps", ())))
-        if told == self._told:
-            return
-        self._told = told
-        self._chosen.clear()
-        with self._chosen:
-            for line in lines:
-                ui.label(line)
-        step = next(
-            (each for each in self.look.run.plan.get("steps", ()) if each["step"] == self.look.step), None
-        )
-        if step is not None:
-            background_tasks.create(self._explain(dict(self.look.run.plan), step["id"], told))
+    def sign(self) -> object:
+        """A picture of very many steps is due now and then."""
+        return self._due(self.look.run)
 
-    async def _explain(self, plan: dict[str, Any], number: int, told: tuple[object, ...]) -> None:
-        shared, steps = self.look.shared, {each["id"]: each for each in plan["steps"]}
-        asked = (shared.target(self.look.run.run), [steps[each] for each in plan["order"]], number)
-        lines = await asyncio.wrap_future(shared.workers.submit(reasons, *asked))
-        if told == self._told:
-            with self._chosen:
-                ui.label("why it is there:").classes("text-bold")
-                for line in lines or ["it brings nothing that a later step needs"]:
-                    ui.label(line).props('data-testid="because"')
+    def _due(self, run: Watched) -> bool:
+        return len(run.bars) <= MOST_BARS or time.monotonic() - self._drawn_s >= PAUSE_S
+
+    def _draw(self, run: Watched, chosen: frozenset[str]) -> None:
+        if self._due(run) or chosen != self._rimmed:
+            self._drawn_s, self._rimmed = time.monotonic(), chosen
+            self._chart.set_content(gantt(run, round(self.look.clock_ms), chosen))
 
 
 class Partial(View):
@@ -112,7 +95,7 @@ def _rimmed(plan: str, chosen: frozenset[str]) -> str:
     for step in sorted(chosen):
         name = f"data-step={quoteattr(step)}"
         plan = plan.replace(name, f'{name} style="filter: drop-shadow(0 0 3px #d02090)" data-chosen="yes"')
-    return plan
+    return plan.replace('class="step"', 'class="step" tabindex="0" role="button"')
 
 
 class World(View):
@@ -123,9 +106,6 @@ class World(View):
     def make(self) -> None:
         """Make what is shown, still empty."""
         self._search = ui.input("search").props('clearable dense data-testid="search"')
-        button = ui.button("Contact states at the start", on_click=self._net)
-        button.props('dense no-caps outline data-testid="contacts"')
-        self._picture = ui.html("", sanitize=False).props('data-testid="net"')
         self._table = made(self.look.choose, "fact", "since record")
         self._search.on_value_change(self.show)
 
@@ -135,13 +115,6 @@ class World(View):
         asked = self._search.value or ""
         rows = sorted(run.holds.items(), key=lambda each: (-each[1], each[0]))
         fill(self._table, [row for row in rows if asked in row[0]], related(run, self.look.step))
-
-    async def _net(self) -> None:
-        """Show the net of contact states, marked as the cell begins."""
-        shared = self.look.shared
-        asked = shared.workers.submit(contact_states, shared.target(self.look.run.run)[0])
-        self._picture.set_content("Looking for the contact states ...")
-        self._picture.set_content(picture(await asyncio.wrap_future(asked)))
 
 
 class Objects(View):
@@ -153,23 +126,34 @@ class Objects(View):
         """Make what is shown, still empty."""
         self._search = ui.input("object").props('clearable dense data-testid="object"')
         self._table = made(self.look.choose, "from", "to", "step", "brought")
+        self._found, self._asked, self._until = list[dict[str, Any]](), "", 0
         self._search.on_value_change(self.show)
 
     def show(self) -> None:
         """Show the run as it stands."""
         run = self.look.run
         asked = self._search.value or ""
-        rows = [
-            (
-                duration(each["started_ms"]),
-                duration(each["ended_ms"]),
-                each["action"],
-                ", ".join(each["adds"]),
-            )
-            for each in run.histories
-            if asked in each["action"] or any(asked in fact for fact in each["adds"])
-        ]
-        fill(self._table, rows, related(run, self.look.step))
+        found = self._all(asked, run.number) if asked else run.histories
+        fill(self._table, [_done(each) for each in found[-SHOWN:]], related(run, self.look.step))
+
+    def _all(self, asked: str, number: int) -> list[dict[str, Any]]:
+        """The steps up to a record in which a name occurs; what was found before is not looked for again."""
+        if asked != self._asked:
+            self._found, self._asked, self._until = [], asked, 0
+        if number > self._until:
+            fresh = self.look.follower.done(self._until, number)
+            self._found += [each for each in fresh if any(asked in text for text in _texts(each))]
+            self._until = number
+        return [each for each in self._found if each["number"] <= number]
+
+
+def _texts(done: dict[str, Any]) -> list[str]:
+    return [str(done["action"]), *done["adds"]]
+
+
+def _done(each: dict[str, Any]) -> tuple[str, ...]:
+    times = duration(each["started_ms"]), duration(each["ended_ms"])
+    return (*times, each["action"], ", ".join(each["adds"]))
 
 
 class Log(View):
@@ -192,6 +176,7 @@ VIEWS: tuple[type[View], ...] = (
     Cell3D,
     Partial,
     World,
+    States,
     Sequence,
     Diagnosis,
     Results,

@@ -48,14 +48,18 @@ class _Spot:
     y: float
 
 
-def net(made: Net) -> str:
-    """The drawing. The same net gives the same bytes."""
+Marking = Mapping[str, Sequence[Sequence[str]]]  # for each place, the objects of each cluster in it
+
+
+def net(made: Net, marking: Marking | None = None) -> str:
+    """The drawing. The same net gives the same bytes. With a marking, the places that have objects now are full (●), others empty."""
     boxes = list(_boxes(made.transitions))
     left = [each for each in made.places if not each.robot]
     right = [each for each in made.places if each.robot]
     rows, heights = _arranged(boxes, left, right)
     width = [
-        max([CHARACTER * len(_label(each)) + 20 for each in column], default=60.0) for column in (left, right)
+        max([CHARACTER * len(_label(each, marking)) + 20 for each in column], default=60.0)
+        for column in (left, right)
     ]
     middle = max([CHARACTER * len(each.name) + 20 for each in boxes], default=60.0)
     xs = MARGIN, MARGIN + width[0] + CHANNEL, MARGIN + width[0] + middle + 2 * CHANNEL
@@ -69,7 +73,7 @@ def net(made: Net) -> str:
             [
                 *_head(made, *size),
                 *_lines(boxes, operators, spots),
-                *_drawn(made, boxes, operators, spots),
+                *_drawn(made, boxes, operators, spots, marking),
                 "</svg>",
             ]
         )
@@ -77,8 +81,9 @@ def net(made: Net) -> str:
     )
 
 
-def _label(place: Place) -> str:
-    return f"{place.name} {place.say}"
+def _label(place: Place, marking: Marking | None = None) -> str:
+    sign = "" if marking is None else "● " if place.name in marking else "○ "
+    return f"{sign}{place.name} {place.say}"
 
 
 def _boxes(transitions: Sequence[Transition]) -> Iterator[_Box]:
@@ -191,15 +196,22 @@ def _line(operator: _Spot, place: _Spot, box: _Box, inward: bool, outward: bool,
 
 
 def _drawn(
-    made: Net, boxes: Sequence[_Box], operators: Mapping[int, _Spot], spots: Mapping[str, _Spot]
+    made: Net,
+    boxes: Sequence[_Box],
+    operators: Mapping[int, _Spot],
+    spots: Mapping[str, _Spot],
+    marking: Marking | None,
 ) -> Iterator[str]:
     for place in made.places:
         kind, fill = ("robot", ROBOT) if place.robot else ("device", DEVICE)
         capacity = ", ".join(f"{name} {n}" for name, n in place.capacity)
-        title = "\n".join([f"{_label(place)}; room for {capacity}", *map(str, place.contacts)])
-        yield _shape(
-            kind, fill, spots[place.name], PLACE, 13, _label(place), title, 2 if place.initial else 1
+        inside = [", ".join(cluster) for cluster in (marking or {}).get(place.name, ())]
+        title = "\n".join([f"{_label(place)}; room for {capacity}", *inside, *map(str, place.contacts)])
+        full = place.name in marking if marking is not None else place.initial
+        shape = _shape(
+            kind, fill, spots[place.name], PLACE, 13, _label(place, marking), title, 2 if full else 1
         )
+        yield shape if marking is None else f'<g data-place="{escape(place.name)}">{shape}</g>'
     for n, box in enumerate(boxes):
         yield _shape("operator", OPERATOR, operators[n], BOX, 2, box.name, box.title, 1)
 

@@ -26,7 +26,7 @@ class Interruption(Exception):
 
 
 class Ended(Exception):
-    """The run is over while a single command was waited for: by order, or because the controller is lost."""
+    """The run ended while it waited for a single command: by order, or because the controller is lost."""
 
     def __init__(self, turn: Turn) -> None:
         super().__init__(turn.why)

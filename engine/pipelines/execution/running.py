@@ -53,16 +53,17 @@ class Execution:
         default_factory=list
     )  # further commands, as a checkpoint has them
 
-    def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
-        """Execute a first plan to the end of the run."""
+    def start(self, ready: Ready, world: World, approve: bool = False, scope: Scope | None = None) -> Finish:
+        """Execute a first plan to the end of the run. `scope` says which of the goals it is for; all, if it is not given."""
+        scope = scope or Scope(self.problem)
         compiled = queued(ready.compiled, self.driver.lookahead)
         standing = standing_of(compiled.program, self.driver.now_ms(), 1)
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
         if ready.notes:
             self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
-        course.planned(plan_entry(ready, "first", Scope(self.problem)))
-        return self.guarded(course, Scope(self.problem), approve)
+        course.planned(plan_entry(ready, "first", scope))
+        return self.guarded(course, scope, approve)
 
     def resume(self, past: Past) -> Finish:
         """Go on with a run whose journal was read. What was under way is settled with the driver first."""

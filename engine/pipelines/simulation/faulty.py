@@ -196,7 +196,7 @@ class FaultyCell:
 def history(
     dynamics: Dynamics, plan: Plan, done: Sequence[StepId]
 ) -> tuple[WorldState, tuple[Achievement, ...]]:
-    """The state after some steps of a plan, had each done what it should, and what each of them has achieved."""
+    """The state after some steps of a plan if each did what it should, and what each of them has achieved."""
     state, names = dynamics.start(), set(done)
     achieved = []
     for step in plan.steps:

@@ -5,6 +5,7 @@ They are skipped where NiceGUI, Playwright or Chromium is missing, unless CELLWR
 
 import importlib.util
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -103,6 +104,19 @@ def open_page(chromium: Any) -> Iterator[Callable[[str], Any]]:
 def at(page: Any, name: str, **more: Any) -> Any:
     """The part of a page with a name."""
     return page.locator(f'[data-testid="{name}"]', **more)
+
+
+def started(page: Any, **fields: str) -> list[str]:
+    """Start a run with the form, and approve its plan from its preview; what the preview tells."""
+    for name, value in fields.items():
+        at(page, f"start-{name}").fill(value)
+    at(page, "start").click()
+    at(page, "title", has_text=fields["name"]).wait_for()
+    page.locator('[data-testid="approve"]:enabled').click()
+    at(page, "preview").get_by_text(re.compile(r"\(")).first.wait_for()
+    told = page.locator(".q-dialog .q-card").inner_text().split("\n")
+    at(page, "sure-approve").click()
+    return told
 
 
 def run_there(store: Path, *words: str) -> None:

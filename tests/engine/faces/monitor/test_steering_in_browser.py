@@ -1,4 +1,4 @@
-"""Runs that go on are steered from pages: every button has its effect in the journal, and an operator's walk from start to replay."""
+"""Runs that go on are steered from pages: every button has its effect in the journal."""
 
 import re
 import time
@@ -11,7 +11,7 @@ import pytest
 from engine.faces.monitor.following import Follower, record_of
 from engine.model.execution import RecordKind
 from kb.store.journal import Journal, Line
-from tests.engine.faces.monitor.conftest import Serve, at
+from tests.engine.faces.monitor.conftest import Serve, at, started
 
 Open = Callable[[str], Any]
 
@@ -26,17 +26,6 @@ def site(serve: Serve, folder: Path) -> str:
     with Journal(str(folder / "runs.db")) as journal:
         journal.begin("old", "2026-11-22", {})
     return serve(folder / "runs.db", folder)
-
-
-def started(page: Any, **fields: str) -> None:
-    """Start a run with the form, and approve its plan from its preview."""
-    for name, value in fields.items():
-        at(page, f"start-{name}").fill(value)
-    at(page, "start").click()
-    at(page, "title", has_text=fields["name"]).wait_for()
-    page.locator('[data-testid="approve"]:enabled').click()
-    at(page, "preview").get_by_text(re.compile(r"\(")).first.wait_for()
-    at(page, "sure-approve").click()
 
 
 def orders(store: Path, run: str, count: int) -> list[tuple[str, str, str]]:
@@ -75,32 +64,6 @@ def test_every_button_has_its_effect_in_the_journal(open_page: Open, site: str, 
         found = orders(folder / "runs.db", "buttons", len(wanted))
     assert [each[:2] for each in found] == wanted
     assert {each[2] for each in found} == {"monitor"}
-
-
-@pytest.mark.long
-def test_an_operators_walk(open_page: Open, site: str) -> None:
-    """Start THEMSE with four probes; a lid jams; answer; recover; look at the results; replay."""
-    page = open_page(site)
-    started(page, target="themse/four", name="walk", factor="0.02", fault="3=lid_jammed")
-    at(page, "asks", has_text="clear the rails and hinges of the rack").wait_for()
-    at(page, "choice-cured").click()
-    at(page, "tab-diagnosis").click()
-    page.locator("td", has_text="clear_rack").first.wait_for()
-    second = page.context.new_page()  # somebody else looks, too
-    second.goto(f"{site}/run/walk")
-    at(second, "title", has_text="walk").wait_for(timeout=90_000)
-    second.close()
-    page.context.set_offline(True)  # the network is cut, and comes back
-    page.wait_for_timeout(3000)
-    page.context.set_offline(False)
-    at(page, "phase", has_text="reached").wait_for(timeout=240_000)
-    at(page, "tab-results").click()
-    page.locator(".q-tab-panel:visible td").first.wait_for()
-    at(page, "tab-log").click()
-    page.keyboard.press("x")
-    page.locator("td", has_text="EXCEPTION").first.wait_for()
-    at(page, "play").click()
-    at(page, "phase", has_text="handling").wait_for()
 
 
 @pytest.mark.slow

@@ -1,0 +1,62 @@
+"""The panel that tells of what is chosen, beside every view: what it is, how it stands, and why it is there."""
+
+import asyncio
+from typing import Any
+
+from nicegui import background_tasks, ui
+
+from engine.faces.monitor.choosing import step_about, told_of
+from engine.faces.monitor.reasons import reasons
+from engine.faces.monitor.viewing import Look
+
+
+class Chosen:
+    """A drawer on the right, open while something is chosen."""
+
+    def __init__(self, look: Look) -> None:
+        self.look = look
+        self._told: tuple[object, ...] = ()
+        with ui.right_drawer(value=False, bordered=True).props(
+            'width=320 breakpoint=700 data-testid="drawer" aria-label="what is chosen"'
+        ) as self._drawer:
+            with ui.row().classes("w-full items-center no-wrap"):
+                self._name = ui.label("").classes("text-bold col").style("overflow-wrap: anywhere")
+                close = ui.button(icon="close", on_click=lambda: self.look.choose(""))
+                close.props('dense flat round aria-label="choose nothing" data-testid="unchoose"')
+            self._lines = ui.column().classes("gap-1 w-full").style("overflow-wrap: anywhere")
+            self._lines.props('data-testid="chosen" role="status"')
+
+    def show(self) -> None:
+        """Tell of what is chosen now. Why a step is in the plan takes a moment."""
+        look = self.look
+        self._drawer.set_value(bool(look.step))
+        lines = [*told_of(look.run, look.step), *self._brought()]
+        told = (look.step, *lines, len(look.run.plan.get("steps", ())))
+        if told == self._told:
+            return
+        self._told = told
+        self._name.set_text(look.step)
+        self._lines.clear()
+        with self._lines:
+            for line in lines:
+                ui.label(line)
+        if (step := step_about(look.run, look.step)) is not None:
+            background_tasks.create(self._explain(dict(look.run.plan), step, told))
+
+    def _brought(self) -> list[str]:
+        """What brought a fact that holds."""
+        number = self.look.run.holds.get(self.look.step, 0)
+        if not number:
+            return []
+        content = self.look.follower.records[number - 1].content
+        return [f"brought by {content.get('action') or content.get('why') or 'an order'}"]
+
+    async def _explain(self, plan: dict[str, Any], number: int, told: tuple[object, ...]) -> None:
+        shared, steps = self.look.shared, {each["id"]: each for each in plan["steps"]}
+        asked = (shared.target(self.look.run.run), [steps[each] for each in plan["order"]], number)
+        lines = await asyncio.wrap_future(shared.workers.submit(reasons, *asked))
+        if told == self._told:
+            with self._lines:
+                ui.label(f"why {steps[number]['step']} is there:").classes("text-bold")
+                for line in lines or ["it brings nothing that a later step needs"]:
+                    ui.label(line).props('data-testid="because"')
