@@ -1,22 +1,28 @@
 """Runs whose steps take longer or shorter than forecast: stays that are too long, and makespans beside perfect knowledge.
 
-    python benchmarks/stochastic.py [--probes N] [--runs N] [--known N] [--work N] [--stay SECONDS] [--json FILE]
+    python benchmarks/stochastic.py [--probes N] [--runs N] [--known N] [--work N] [--stay SECONDS] [--jobs N] [--json FILE]
 
 Probes are heated, cooled and stored in the laboratory; as many depots, furnace 1, freezer 2. Every step of every run varies evenly by
 20 % around its forecast. Nothing may stay in the furnace for longer than --stay (0: no limit). A stay that was too long has to have
 been told as an exception. For the first --known runs CP-SAT schedules the same plan with the durations that the run had, with
 --work units of work, about seconds of one core. Exits with 1 if a stay was too long and nobody told, if a run does not reach
-its goals, or if the mean makespan is more than 3 % longer. With --json what was run is kept, and the next call goes on behind it.
+its goals, or if the mean makespan is more than 3 % longer. With --json what was run is kept, and the next call goes on behind it; --jobs runs
+so many at the same time.
 """
 
 import argparse
+import gc
 import json
+import os
 import shutil
 import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from engine.model.execution import Record, RecordKind
@@ -45,7 +51,7 @@ class Kept:
     def __init__(self) -> None:
         self.records: list[Record] = []
 
-    def append(self, records: list[Record]) -> None:
+    def append(self, records: Sequence[Record]) -> None:
         """Append records."""
         self.records += records
 
@@ -138,6 +144,7 @@ def main() -> int:
     parser.add_argument("--known", type=int, default=50)
     parser.add_argument("--work", type=float, default=5.0)
     parser.add_argument("--stay", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     kept = asked.json is not None and asked.json.is_file()
@@ -147,15 +154,23 @@ def main() -> int:
         ready = first(problem)
         assert isinstance(ready, Ready), ready
         print(f"forecast {ready.makespan} s, {len(ready.plan.steps)} steps", flush=True)
-        for seed in range(len(found), asked.runs):
-            line, records = run(problem, ready, seed, asked.stay)
-            if seed < asked.known:
-                line = replace(line, known_s=with_perfect_knowledge(problem, ready, records, asked.work))
-            found.append(line)
-            if asked.json is not None:
-                rows = [[getattr(each, key) for key in Line.__annotations__] for each in found]
-                asked.json.write_text(json.dumps(rows) + "\n", "utf-8")
+        one = partial(measured, problem, ready, asked)
+        with ProcessPoolExecutor(asked.jobs) as pool:
+            for line in pool.map(one, range(len(found), asked.runs)):
+                found.append(line)
+                if asked.json is not None:
+                    rows = [[getattr(each, key) for key in Line.__annotations__] for each in found]
+                    asked.json.write_text(json.dumps(rows) + "\n", "utf-8")
     return judged(found)
+
+
+def measured(problem: Problem, ready: Ready, asked: argparse.Namespace, seed: int) -> Line:
+    """One run, and what perfect knowledge makes of it for the first ones."""
+    gc.set_threshold(100_000)  # as the commands do
+    line, records = run(problem, ready, seed, asked.stay)
+    if seed >= asked.known:
+        return line
+    return replace(line, known_s=with_perfect_knowledge(problem, ready, records, asked.work))
 
 
 def judged(found: list[Line]) -> int:

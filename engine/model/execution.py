@@ -162,7 +162,8 @@ class RecordKind(StrEnum):
     ORDER: order, given (what it says besides), origin (terminal, socket), who and when (date and time, UTC) if known.
     DECISION: what, why: a choice of the executive between alternatives.
     PHASE: phase, why.
-    CHECKPOINT: state: from here a resumed run can go on without reading older records.
+    CHECKPOINT: state: from here a resumed run can go on without reading older records; or rest: what is left of a long plan,
+          as in PLAN, before the checkpoint that refers to it.
     END: outcome (reached, partly, stopped, aborted, paused), why, goals, open_goals, given_up [[goal, why]], makespan_ms.
     """
 

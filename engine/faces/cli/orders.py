@@ -91,9 +91,14 @@ def _tell(run: str, order: str, text: str, said: str, store: str, form: Form) ->
     def make() -> Answer:
         from rich.text import Text
 
-        from engine.pipelines.execution.channel import tell
+        from engine.pipelines.execution.channel import REFUSABLE, tell
+        from kb.diagnostics import Diagnostic, InvalidInput, Source
 
         state = tell(run, order, text, store)
-        return Answer("ok", {"told": order, **state}, lambda: Text(f"{run} {said}."))
+        if why := state.get("refused"):
+            raise InvalidInput([Diagnostic(Source(run), "K421", f"{order} is refused: {why}")])
+        later = order in REFUSABLE and "refused" not in state
+        told = f"{run} has it; what comes of it is in its journal" if later else f"{run} {said}"
+        return Answer("ok", {"told": order, **state}, lambda: Text(f"{told}."))
 
     give(make, form)

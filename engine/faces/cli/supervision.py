@@ -1,5 +1,6 @@
 """The supervision of a run from this process: its events go out, orders come in from the terminal and the socket."""
 
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -34,7 +35,7 @@ class Watching:
     @property
     def watchers(self) -> "Sequence[Watcher]":
         """What is shown each record once it is on the disk."""
-        return [self._follow, *self._look]
+        return [self._follow, self.channel.watch, *self._look]
 
     def __enter__(self) -> "Watching":
         import signal
@@ -98,12 +99,22 @@ class Watching:
             if self._approve and record.content["why"] == "first":
                 self._ask(record)
         if self._out is not None:
-            import json
+            self._write(record)
 
-            from kb.diagnostics import escaped
+    def _write(self, record: "Record") -> None:
+        """Write an event. If nobody reads any more, or the disk is full, the run goes on without: its journal has all."""
+        import json
 
+        from kb.diagnostics import escaped
+
+        try:
             self._out.write(escaped(json.dumps(record.entry(self._run), ensure_ascii=False)) + "\n")
             self._out.flush()
+        except OSError as error:
+            sys.stderr.write(f"no more events: {error.strerror}; the run goes on\n")
+            if self._events == "-":
+                sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - what else is told is lost
+            self._out = None
 
     def _ask(self, record: "Record") -> None:
         """Show the plan, and ask the person at the terminal; without one, somebody else has to approve it."""

@@ -17,12 +17,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from engine.model.execution import Order
+from engine.model.execution import Order, Record, RecordKind
 from engine.pipelines.execution.orders import Given
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 ASKED_S = 0.1  # how long a wait for an order is
 PATIENCE_S = 5.0
+ANSWERED_S = 3.0  # how long a caller waits to hear what came of an order that a run may refuse
+REFUSABLE = (Order.SKIP, Order.RETRY, Order.BACK, Order.CORRECT, Order.ADD, Order.ANSWER)
 ROOM = (
     100 - 50 - len("/cellwright-")
 )  # characters of a folder: the path of a socket may have about 100, its name has 50
@@ -63,6 +65,12 @@ class Channel:
         self.run, self.store = run, store
         self._orders: queue.Queue[Given] = queue.Queue()
         self._told: Callable[[], Mapping[str, Any]] = dict
+        self._order, self._noted = (
+            "",
+            False,
+        )  # the last order that may be refused, and whether the run has noted it
+        self._came: queue.Queue[str] = queue.Queue()  # what came of it: empty, or why it was refused
+        self._one_by_one = threading.Lock()
         self._server: socket.socket | None = None
 
     def __enter__(self) -> "Channel":
@@ -102,6 +110,31 @@ class Channel:
         when = given.when or datetime.now(UTC).isoformat(timespec="milliseconds")
         self._orders.put(replace(given, when=when, who=given.who or user()))
 
+    def watch(self, record: Record) -> None:
+        """Look at a record of the run, to tell a caller what came of an order."""
+        content, order = record.content, self._order
+        if record.kind is RecordKind.ORDER:
+            self._noted = content["order"] == order
+        elif not self._noted:
+            return
+        elif record.kind is RecordKind.DECISION and content["what"] == f"{order} refused":
+            self._came.put(content["why"])
+        elif (record.kind is RecordKind.PLAN and content["why"] == order) or (
+            record.kind is RecordKind.REPLY and order == Order.ANSWER
+        ):
+            self._came.put("")
+
+    def _came_of(self, given: Given) -> dict[str, str]:
+        """Give an order and wait a little for what comes of it: why it was `refused`; nothing if that is not known yet."""
+        if given.order not in REFUSABLE:
+            self.give(given)
+            return {}
+        with self._one_by_one, contextlib.suppress(queue.Empty):
+            self._order, self._noted, self._came = given.order.value, False, queue.Queue()
+            self.give(given)
+            return {"refused": self._came.get(timeout=ANSWERED_S)}
+        return {}
+
     def due(self, now_ms: int) -> Sequence[Given]:  # noqa: ARG002 - orders come in real time
         """The orders that came since the last call."""
         found = []
@@ -126,14 +159,18 @@ class Channel:
                 caller, _ = server.accept()
             except OSError:
                 return
-            with caller, contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-                caller.settimeout(PATIENCE_S)
-                asked = json.loads(_line(caller))
-                if asked["order"] != "state":
-                    text, who = str(asked.get("text", "")), str(asked.get("who", ""))
-                    self.give(Given(Order(asked["order"]), text, "socket", who))
-                state = {**self._told(), "run": self.run, "store": self.store}
-                caller.sendall((json.dumps(state) + "\n").encode())
+            threading.Thread(target=self._converse, args=(caller,), daemon=True).start()
+
+    def _converse(self, caller: socket.socket) -> None:
+        """Answer one caller. A stop has not to wait until another order is answered."""
+        with caller, contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            caller.settimeout(PATIENCE_S)
+            asked, came = json.loads(_line(caller)), dict[str, str]()
+            if asked["order"] != "state":
+                text, who = str(asked.get("text", "")), str(asked.get("who", ""))
+                came = self._came_of(Given(Order(asked["order"]), text, "socket", who))
+            state = {**self._told(), "run": self.run, "store": self.store, **came}
+            caller.sendall((json.dumps(state) + "\n").encode())
 
 
 def going_on() -> tuple[Mapping[str, Any], ...]:
@@ -143,7 +180,7 @@ def going_on() -> tuple[Mapping[str, Any], ...]:
 
 
 def tell(run: str, order: str, text: str = "", store: str = "", who: str = "") -> Mapping[str, Any]:
-    """Give an order to a run; how it stands. `who` gives it is noted: this user, if nobody is named.
+    """Give an order to a run; how it stands, and why it was `refused` if it was (empty: it is followed). `who` gives it is noted: this user, if nobody is named.
 
     Raises `InvalidInput` if no process runs it, or if several runs have this name and no store is given.
     """

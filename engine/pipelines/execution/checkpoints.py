@@ -1,11 +1,11 @@
 """Checkpoints: records from which a run is taken up without reading what was written before them.
 
-A checkpoint says how far the plan is. When half of the steps are done that the journal holds of a long plan, the checkpoint holds
-those that are left, so what has to be read depends on what is left to do, not on how long the journal is. What was done
+A checkpoint says how far the plan is. When half of the steps are done that the journal holds of a long plan, a record before it
+holds those that are left, so what has to be read depends on what is left to do, not on how long the journal is. What was done
 before, and may matter to the fault base, is in the chain of the checkpoints.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -39,12 +39,16 @@ def state_of(course: Progress) -> dict[str, Any]:
         "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
         "before": held.checkpoint,
         "history": [_work_entry(each) for each in course.history[held.history :]],
-        **({"rest": _rest(course)} if 2 * len(held.done) >= held.steps >= LONG else {}),
     }
 
 
-def _rest(course: Progress) -> dict[str, Any]:
-    """What is left of the plan, as the record of a plan has it, and the number of the record that has all of it."""
+def rest_of(course: Progress) -> dict[str, Any] | None:
+    """What is left of a long plan, as the record of a plan has it, and the number of the record that has all of it.
+
+    None as long as more than half of what the journal holds of it is left, so all that is written so is as much as the plan.
+    """
+    if not 2 * len(course.written.done) >= course.written.steps >= LONG:
+        return None
     ended = {
         dwell.source: until - dwell.most_ms
         for dwell, until in course.standing.dwelling.items()
@@ -88,32 +92,24 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
     state = line.content["state"]
     for each in state["additions"]:
         past.extend(each)
-    held = number if "rest" in state else state["plan"]
-    content = _plan(_line(journal, run, held))
-    past.follow(content, held)
+    held = _line(journal, run, state["plan"])
+    content = held.content["rest"] if held.kind == RecordKind.CHECKPOINT.value else held.content
+    past.follow(content, held.number)
     if "whole" in content:
         past.entire = partial(_whole, journal, run, content["whole"])
     facts = {read_atom(each) for each in state["facts"]}
     past.world = World(past.scope.problem.chains, facts, dict(state["reached"]))
     past.done = {step: 0 for first, last in state["done"] for step in range(first, last + 1)}
-    past.done = {} if "rest" in state else past.done | dict(state["ended"])
+    past.done |= dict(state["ended"])
     past.sent = {entry["command"]: (entry, at_ms) for entry, at_ms in state["sent"]}
     past.since = {read_atom(atom): at_ms for atom, at_ms in state["since"]}
     past.cases = {(exception, step): count for exception, step, count in state["cases"]}
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]
-    if "rest" in state:
-        past.steps += sum(last + 1 - first for first, last in state["done"])
     past.last = past.checkpoint = number
     past.at_ms = line.at_ms
     past.history = _history(journal, run, number)
     past.told = len(past.history)
-
-
-def _plan(line: Line) -> Mapping[str, Any]:
-    """The plan that a record holds: all of it, or what was left of it at a checkpoint."""
-    found: Mapping[str, Any] = line.content["state"]["rest"] if line.kind == "checkpoint" else line.content
-    return found
 
 
 def _whole(journal: Journal, run: str, number: int) -> Compiled:

@@ -42,30 +42,31 @@ def choices(course: Progress, scope: Scope) -> Iterator[Choice]:
         return
     state, now = ahead(course), course.driver.now_ms()
     rest = scope.rest(state)
-    for exchange, plan in others(rest, state.facts, busy(course, rest), left):
+    for exchange, plan in others(rest, state.facts, busy(course, rest), left, course.gate):
         if _as_urgent(rest, exchange):
             made = ready(rest, plan, earliest_starts(plan), now, since=course.since)
             yield Choice(joined(course, scope, made), _said(exchange, left.steps))
 
 
 def others(
-    rest: Problem, facts: Iterable[Atom], taken: Collection[Term], left: Plan
+    rest: Problem, facts: Iterable[Atom], taken: Collection[Term], left: Plan, gate: PlanGate
 ) -> Iterator[tuple[Exchange, Plan]]:
     """What is left of a plan with equal things in place of some, each way once, if the checker accepts it."""
     tried = set[frozenset[tuple[Term, Term]]]()
-    for exchange in exchanges(rest, facts, taken, left.steps):
-        plan = Plan(tuple(_exchanged(step, exchange) for step in left.steps))
-        if frozenset(exchange.items()) in tried or PlanGate().findings(rest, in_sequence(plan)):
+    for exchange in exchanges(rest, facts, taken, left.steps, gate):
+        if (pairs := frozenset(exchange.items())) in tried:
             continue
-        tried.add(frozenset(exchange.items()))
-        yield exchange, plan
+        tried.add(pairs)
+        plan = Plan(tuple(_exchanged(step, exchange) for step in left.steps))
+        if not gate.findings(rest, in_sequence(plan)):
+            yield exchange, plan
 
 
 def exchanges(
-    rest: Problem, facts: Iterable[Atom], taken: Collection[Term], steps: Sequence[Step]
+    rest: Problem, facts: Iterable[Atom], taken: Collection[Term], steps: Sequence[Step], gate: PlanGate
 ) -> Iterator[Exchange]:
     """What could be exchanged for what is busy: with each equal thing, all that goes with the two of them."""
-    known = _Facts(rest, facts)
+    known = _Facts(rest, facts, gate)
     named = {term for step in steps for term in (*step.operator.arguments, *step.resources)}
     for one in sorted(taken, key=natural_key):
         for other in sorted(named - {one}, key=natural_key):
@@ -91,7 +92,7 @@ def busy(course: Progress, rest: Problem) -> Mapping[Term, int]:
 class _Facts:
     """What is true and what is wanted, by the terms that it is about."""
 
-    def __init__(self, rest: Problem, facts: Iterable[Atom]) -> None:
+    def __init__(self, rest: Problem, facts: Iterable[Atom], gate: PlanGate) -> None:
         self.types = {**rest.domain.objects, **rest.objects}
         goals = [part.atom for part in goal_parts(rest.goal) if isinstance(part, Literal)]
         wanted = [Function(f"goal {atom.name}", atom.arguments) for atom in goals]
@@ -100,7 +101,7 @@ class _Facts:
             for chain in rest.chains
             for number, stage in enumerate(chain.stages)
         ]
-        self.all = {*facts, *_statics(rest), *wanted}
+        self.all = {*facts, *_statics(rest, gate), *wanted}
         self.about: dict[Term, list[Atom]] = defaultdict(list)
         for atom in sorted(self.all, key=natural_key):
             for term in dict.fromkeys(atom.arguments):
@@ -142,9 +143,9 @@ class _Facts:
         return pairs[0]
 
 
-def _statics(rest: Problem) -> Iterator[Atom]:
+def _statics(rest: Problem, gate: PlanGate) -> Iterator[Atom]:
     """The static facts that are about several things."""
-    known = PlanGate().semantics(rest).statics
+    known = gate.semantics(rest).statics
     for name, predicate in rest.domain.predicates.items():
         if predicate.kind is Kind.STATIC and len(predicate.arguments) > 1:
             yield from known.named(name)

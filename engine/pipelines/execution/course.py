@@ -20,7 +20,7 @@ from engine.model.execution import (
     Underway,
 )
 from engine.pipelines.execution.orders import Given
-from engine.pipelines.execution.progress import Progress, Turn
+from engine.pipelines.execution.progress import Checkpoint, Progress, Turn
 from engine.stages import execution as executive
 
 QUIET_MS = 1_000  # a driver may take so long to drop what is queued
@@ -192,15 +192,21 @@ class Course(Progress):
     def flush(self) -> None:
         """Write what was noted, then send what was posted. Raises `JournalFailure`; then nothing was sent."""
         if self.checkpoint is not None and self._is_time():
-            state = self.checkpoint()
-            self.noted = self.recorder.note(RecordKind.CHECKPOINT, state=state).number
-            self.written.saved(self.noted, state, len(self.history))
+            self.noted = self._saved(self.checkpoint)
         self.recorder.commit()
         if self.outbox:
             commands, self.outbox = self.outbox, []
             self.driver.send(commands)
         if self.look is not None:
             self.look(self.state())
+
+    def _saved(self, checkpoint: Checkpoint) -> int:
+        """Note a checkpoint, and before it what is left of the plan if that pays; its number."""
+        if (rest := checkpoint.rest()) is not None:
+            self.written.plan(self.recorder.note(RecordKind.CHECKPOINT, rest=rest).number, rest)
+        number = self.recorder.note(RecordKind.CHECKPOINT, state=checkpoint.state()).number
+        self.written.checkpoint, self.written.history = number, len(self.history)
+        return number
 
     def _is_time(self) -> bool:
         """Whether a checkpoint is due; none is written while a case is open."""

@@ -79,7 +79,7 @@ class ExceptionHandler:
         if reply == TIMEOUT and activity is not None and left is not None:
             said = cleared_up(self.course, step, activity, number)
             if said:
-                return self._goes_on_after_silence(said, step, left)
+                return self._goes_on_after_silence(said, exception or TIMEOUT, step, left)
         if "diagnosis" not in self.scope.problem.domain.tools:
             return GivesUp(f"{step} was answered '{reply}', and the domain's tools are without diagnosis")
         if self.base is None or exception is None:
@@ -96,10 +96,12 @@ class ExceptionHandler:
         seen = self.cases[exception, str(step)] = self.cases.get((exception, str(step)), 0) + 1
         return seen
 
-    def _goes_on_after_silence(self, said: str, step: Function, left: Plan) -> Ready | GivesUp:
+    def _goes_on_after_silence(
+        self, said: str, exception: str, step: Function, left: Plan
+    ) -> Ready | GivesUp:
         """Go on when it is known what became of a command that had no reply in its time."""
         self.story.append(said)
-        if self._seen(TIMEOUT, step) > MOST:
+        if self._seen(exception, step) > MOST:
             return GivesUp(f"{said}, more than {MOST} times")
         rest = left_over(left, {StepId(each) for each in self.course.done})
         state = self.course.world.state

@@ -145,7 +145,9 @@ def _most_punctual(here: _Pause, made: Ready, wishes: Sequence[Atom]) -> Ready:
     said = from_then_on(known, int(now // unit_ms(problem.domain)))
     best = lateness(made.plan, said, made.starts)
     subjects = {atom.arguments[0] for atom in wishes}
-    for _, plan in itertools.islice(others(problem, problem.initial, subjects, made.plan), PARTS):
+    for _, plan in itertools.islice(
+        others(problem, problem.initial, subjects, made.plan, here.course.gate), PARTS
+    ):
         if not best:
             break
         other = again(problem, plan, now, here.limits, here.course.since)

@@ -10,6 +10,7 @@ from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
+from engine.pipelines.gate import PlanGate
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.simulation import Achievement, Memory, World
 from engine.pipelines.simulation.world import achievement
@@ -72,11 +73,13 @@ class Written:
         self.number, self.steps, self.done = number, len(entry["steps"]), set()
         self.head = head_of(entry)
 
-    def saved(self, number: int, state: Mapping[str, Any], history: int) -> None:
-        """A checkpoint was written."""
-        self.checkpoint, self.history = number, history
-        if "rest" in state:
-            self.plan(number, state["rest"])
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """What a checkpoint holds: how the run stands, and what is left of its plan, if it is time to write that."""
+
+    state: Callable[[], dict[str, Any]]
+    rest: Callable[[], dict[str, Any] | None]
 
 
 @dataclass
@@ -102,7 +105,7 @@ class Progress:
     )  # under way, as noted, since when
     noted: int = 0  # the record from which those to the next checkpoint count
     every: int = EVERY
-    checkpoint: Callable[[], dict[str, Any]] | None = None
+    checkpoint: Checkpoint | None = None
     entire: Callable[[], Compiled] | None = (
         None  # the program with steps that were done before the run was taken up again
     )
@@ -113,6 +116,7 @@ class Progress:
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
     look: Callable[[RunState], None] | None = None
+    gate: PlanGate = field(default_factory=PlanGate)  # it keeps what it knows of the cell
 
     def __post_init__(self) -> None:
         self.replies = Replies(self.compiled)

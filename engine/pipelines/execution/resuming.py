@@ -96,13 +96,22 @@ class Past:
         self.forecast_ms = self.forecast_ms or content["forecast_ms"]
         self.steps += len(self.done)
         self.entire = None
-        self.done, self.case = {}, []
+        self._closed()
+        self.done = {}
         self.sent = {
             number: ({**self.sent[number][0], "step": step}, self.sent[number][1])
             for number, step in content.get("running", ())
         }
         self.paused = self.replans = False
         self.follow(content, record.number)
+
+    def _closed(self) -> None:
+        """The case is over, with a way on: its exceptions count if they come again."""
+        for each in (record.content for record in self.case if record.kind is RecordKind.EXCEPTION):
+            if each["exception"] != "stays_too_long":
+                key = each["exception"], each["action"]
+                self.cases[key] = self.cases.get(key, 0) + 1
+        self.case = []
 
     def extend(self, added: dict[str, Any]) -> None:
         """A further command was taken up, behind a plan whose record says `behind` beside its steps."""
@@ -187,6 +196,7 @@ class Past:
             if each.kind is RecordKind.WORLD:
                 self._become(each.content)
         self.case = []
+        self.cases = {}  # what failed was put right before the run is taken up again
 
     def under_way(self) -> Mapping[int, tuple[Content, int]]:
         """The commands for steps that have not been settled, and when they were sent."""

@@ -5,7 +5,7 @@ from typing import Any
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
 from engine.pipelines.execution.adding import addition, extended, wished
-from engine.pipelines.execution.checkpoints import state_of
+from engine.pipelines.execution.checkpoints import rest_of, state_of
 from engine.pipelines.execution.compiling import Compiled, queued
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
@@ -13,7 +13,7 @@ from engine.pipelines.execution.hands import Ended
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
-from engine.pipelines.execution.progress import EVERY, Turn
+from engine.pipelines.execution.progress import EVERY, Checkpoint, Turn
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import compiled_of, end_entry, plan_entry, read_atom
 from engine.pipelines.execution.resuming import Past
@@ -101,7 +101,7 @@ class Execution:
         """Run to the end. If the journal cannot be written, everything halts: nothing is done that is not noted."""
         handler = handler or ExceptionHandler(course, scope, self.base, self.limits)
         handler.story = self.story
-        course.checkpoint = lambda: self._state(course, handler)
+        course.checkpoint = Checkpoint(lambda: self._state(course, handler), lambda: rest_of(course))
         try:
             if approve and not self._approved(course):
                 return self._end(course, handler.scope, ABORTED, "the plan was not approved")

@@ -4,6 +4,8 @@ If it says that the command has ended, only the reply was lost, and the step is 
 done, and the step is taken again. If it does not know more, the fault base is needed.
 """
 
+from typing import Any
+
 from engine.model.execution import Fate, RecordKind, Reply
 from engine.pipelines.execution.course import Course
 from engine.stages import execution as executive
@@ -31,7 +33,7 @@ def cleared_up(course: Course, step: Function, activity: int, number: int) -> st
 
 def _diagnosed(course: Course, fate: Fate, cause: str) -> None:
     note = course.recorder.note
-    found: dict[str, object] = {"action": ASKED, "outcome": fate.value, "belief": [], "expected_cost": 0}
+    found: dict[str, Any] = {"action": ASKED, "outcome": fate.value, "belief": [], "expected_cost": 0}
     note(RecordKind.FINDING, exception=TIMEOUT, **found)
     note(RecordKind.DIAGNOSIS, exception=TIMEOUT, causes=[[cause, 1.0]], cured=None, isolated=True, cost=0)
 

@@ -163,6 +163,18 @@ def test_a_command_without_a_reply_is_an_exception_at_its_timeout(
     assert quiet.at_ms <= sent.at_ms + sent.content["timeout_ms"] + 1000
 
 
+@pytest.mark.parametrize("instead", [lambda _: [], lambda _: [b"garbage\n"]])
+def test_a_lost_reply_is_found_out_by_asking_the_controller(
+    run: Callable[[Manners], tuple[str, list[Record]]], instead: Callable[[bytes], Lines]
+) -> None:
+    outcome, records = run(at_reply(3, instead))
+    assert outcome == "reached"
+    (made,) = [each.content for each in records if each.kind is RecordKind.DIAGNOSIS]
+    assert made["causes"] == [["the reply was lost", 1.0]]
+    done = [each.content["action"] for each in records if each.kind is RecordKind.DONE]
+    assert len(done) == len({*done})
+
+
 def test_a_controller_that_hangs_is_lost_in_time(run: Callable[[Manners], tuple[str, list[Record]]]) -> None:
     begun = time.monotonic()
     outcome, records = run(lambda heard, lines: lines if heard < 8 else [])

@@ -7,6 +7,7 @@ import pytest
 from engine.model.execution import RecordKind
 from engine.pipelines.execution import reviewing
 from engine.pipelines.execution.choosing import exchanges
+from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import problem_of
 from engine.pipelines.simulator.driver import Settings
 from kb.asp import ground_term
@@ -45,7 +46,7 @@ def test_all_that_goes_with_equal_things_is_exchanged_with_them() -> None:
     problem = problem_of("themse/two")
     facts = [function(text) for text in ("at(probe_1, slot(furnace, 1))", "at(probe_2, slot(furnace, 2))")]
     steps = [Step(StepId(n), function(f"pick(probe_{n}, slot(furnace, {n}))")) for n in (1, 2)]
-    found = next(exchanges(problem, facts, [function("probe_1")], steps))
+    found = next(exchanges(problem, facts, [function("probe_1")], steps, PlanGate()))
     named = {str(one): str(other) for one, other in found.items()}
     assert named["probe_1"] == "probe_2"
     assert named["slot(furnace, 2)"] == "slot(furnace, 1)"

@@ -2,11 +2,12 @@
 
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Order
+from engine.model.execution import Order, Record, RecordKind
 from engine.pipelines.execution import Given
 from engine.pipelines.execution.channel import Channel, address, going_on, tell
 from kb.diagnostics import InvalidInput
@@ -36,7 +37,10 @@ def test_two_runs_of_one_name_in_two_stores_go_on_side_by_side(tmp_path: Path) -
     assert going_on() == ()
 
 
-def test_one_run_of_a_name_needs_no_store_and_the_same_run_is_refused_twice(tmp_path: Path) -> None:
+def test_one_run_of_a_name_needs_no_store_and_the_same_run_is_refused_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("engine.pipelines.execution.channel.ANSWERED_S", 0.01)
     store = str(tmp_path / "a.db")
     with Channel("monday", store) as one:
         tell("monday", "skip", "pick(probe_1)", who="Ada")
@@ -67,3 +71,43 @@ def test_the_path_of_a_socket_is_short_and_plain(run: str) -> None:
     assert len(address(run, "s.db").name) < 60
     assert address(run).parent == address("other").parent
     assert address(run, "s.db") != address(run + "x", "s.db")
+
+
+@pytest.mark.parametrize(
+    ("kind", "content", "refused"),
+    [
+        (
+            RecordKind.DECISION,
+            {"what": "skip refused", "why": "the plan has no step 99"},
+            "the plan has no step 99",
+        ),
+        (RecordKind.PLAN, {"why": "skip"}, ""),
+        (RecordKind.PLAN, {"why": "recovery"}, None),
+    ],
+)
+def test_a_caller_is_told_what_came_of_an_order(
+    monkeypatch: pytest.MonkeyPatch, kind: RecordKind, content: dict[str, str], refused: str | None
+) -> None:
+    monkeypatch.setattr("engine.pipelines.execution.channel.ANSWERED_S", 0.3 if refused is None else 3)
+    with Channel("monday") as one, ThreadPoolExecutor(1) as other:
+        told = other.submit(tell, "monday", "skip", "99")
+        while not one.due(0):
+            pass
+        one.watch(Record(1, 0, RecordKind.DECISION, {"what": "skip refused", "why": "of another order"}))
+        one.watch(Record(2, 0, RecordKind.ORDER, {"order": "skip", "given": "99"}))
+        one.watch(Record(3, 0, kind, content))
+        assert told.result().get("refused") == refused
+
+
+def test_a_stop_does_not_wait_until_another_order_is_answered() -> None:
+    with Channel("monday") as one, ThreadPoolExecutor(1) as other:
+        told = other.submit(tell, "monday", "add", "process probe_2")
+        while not (came := one.due(0)):
+            pass
+        tell("monday", "stop")
+        came = [*came, *one.due(0)]
+        assert [each.order for each in came] == [Order.ADD, Order.STOP]
+        assert not told.done()
+        one.watch(Record(1, 0, RecordKind.ORDER, {"order": "add"}))
+        one.watch(Record(2, 0, RecordKind.PLAN, {"why": "add"}))
+        assert told.result()["refused"] == ""

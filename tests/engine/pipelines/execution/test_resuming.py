@@ -45,6 +45,38 @@ def test_a_run_goes_on_from_a_checkpoint(
         assert journal.last("one-1", "checkpoint")
 
 
+@pytest.mark.parametrize("group", [20, 25])
+def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int
+) -> None:
+    monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 12)
+    monkeypatch.setattr("engine.pipelines.execution.checkpoints.LONG", 3)
+    assert check(tmp_path, group, True, FAULT)
+    with Journal(str(tmp_path / "j.db")) as journal:
+        assert any("rest" in each.content for each in journal.lines("one-1", kinds=["checkpoint"]))
+
+
+def test_one_can_go_back_to_a_step_that_was_done_before_a_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 6)
+    monkeypatch.setattr("engine.pipelines.execution.checkpoints.LONG", 3)
+    problem, ready = planned("themse/one")
+    wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
+    late = ready.makespan * 1000 - 10_000
+    assert begin(wanted, problem, Timed([(late, Given(Order.STOP))])).outcome == "stopped"
+    orders = [
+        (0, Given(Order.INTERRUPT)),
+        (late + 40_000, Given(Order.BACK, "1")),
+        (late + 41_000, Given(Order.CONTINUE)),
+    ]
+    ending = resume(wanted.store, wanted.run, Timed(orders))
+    with Journal(wanted.store) as journal:
+        told = [each.content for each in journal.lines(wanted.run, kinds=["decision", "plan"])]
+    assert not any("no step 1" in str(each.get("why")) for each in told)
+    assert ending.outcome in ("reached", "paused")
+
+
 @pytest.mark.slow
 def test_a_run_can_be_killed_at_any_group_of_records(tmp_path: Path) -> None:
     """At every third group, before or after it is written in turn; `benchmarks/kills.py` kills at every one."""

@@ -1,0 +1,106 @@
+"""What a checkpoint says of a run is what all records before it say."""
+
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from engine.model.execution import Order, Record, RecordKind
+from engine.pipelines.execution import Given, Timed
+from engine.pipelines.execution.checkpoints import past_of
+from engine.pipelines.execution.compiling import situation_of
+from engine.pipelines.execution.records import compiled_of
+from engine.pipelines.execution.resuming import Past
+from engine.pipelines.execution.scope import Scope
+from engine.pipelines.execution.settling import standing_again
+from engine.pipelines.simulation import Memory, World
+from engine.pipelines.simulator import Injection
+from engine.pipelines.simulator.driver import fault_base
+from kb.store.journal import Line
+from tests.engine.pipelines.execution.cells import executed, planned
+
+BAKERY = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")
+RUNS = {
+    "a recovery": ("themse/one", (Injection("pick(probe_1, slot(drawer, 1))", "not_gripped"),), ()),
+    "spoilt work": ("themse/one", (Injection("put(probe_1, slot(drawer, 1))", "low_voltage"),), ()),
+    "a further command": ("themse/one", (), ((3_000, "process probe_2 in the furnace for 5 min"),)),
+    "due dates": (BAKERY, (), ((7_000, "due(t4, 15 min); priority(t4, 10)"),)),
+}
+
+
+class Part:
+    """The first lines of a journal."""
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        self.all = [Line(r.number, r.at_ms, r.kind.value, r.content) for r in records]
+
+    def last(self, _run: str, kind: str = "") -> int:
+        return max((each.number for each in self.all if kind in ("", each.kind)), default=0)
+
+    def line(self, _run: str, number: int) -> Line:
+        return self.all[number - 1]
+
+    def lines(self, _run: str, after: int = 0) -> Iterator[Line]:
+        yield from self.all[after:]
+
+
+@cache
+def records_of(name: str) -> tuple[Record, ...]:
+    target, faults, orders = RUNS[name]
+    given = Timed([(at_ms, Given(Order.ADD, text)) for at_ms, text in orders])
+    return tuple(executed(target, faults, orders=given)[1])
+
+
+def past(name: str, records: Sequence[Record], checkpoints: bool) -> Past:
+    problem, _ = planned(RUNS[name][0])
+    start = World.of(problem, situation_of(problem).state)
+    found = Past(start, Scope(problem), Memory.of(fault_base(problem)))
+    if checkpoints:
+        return past_of(Part(records), "r", found)  # type: ignore[arg-type]
+    for each in records:
+        found.take(each)
+    return found
+
+
+def essence(found: Past) -> dict[str, object]:
+    """What a run goes on with."""
+    assert found.plan is not None
+    standing = standing_again(compiled_of(found.plan), found, found.at_ms)
+    return {
+        "left": {e["id"]: e["step"] for e in found.plan["steps"] if e["id"] not in found.done},
+        "facts": found.world.facts,
+        "reached": found.world.reached,
+        "ready": standing.ready,
+        "running": standing.running,
+        "waits": {(each.target, until) for each, until in standing.dwelling.items()},
+        "sent": found.sent,
+        "history": [(each.step, each.added, each.moved) for each in found.history],
+        "since": {atom: at for atom, at in found.since.items() if atom in found.world.facts},
+        "steps": found.steps + len(found.done),
+        "case": [each.number for each in found.case],
+        "same": (found.cases, found.number, found.exceptions, found.ended, found.last, found.at_ms),
+        "goals": (
+            found.scope.problem.goal,
+            found.scope.problem.chains,
+            found.scope.given_up,
+            found.whole.chains,
+        ),
+        "wishes": set(map(str, found.scope.problem.statics)),
+    }
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_run_from_its_last_checkpoint_is_the_run_from_its_beginning(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 9)
+    monkeypatch.setattr("engine.pipelines.execution.checkpoints.LONG", 4)
+    records = records_of(name)
+    said = [set(each.content) for each in records if each.kind is RecordKind.CHECKPOINT]
+    assert {"rest"} in said
+    assert {"state"} in said
+    for last in range(9, len(records) + 1, 4):
+        part = records[:last]
+        if "rest" not in part[-1].content:  # it is written with the checkpoint behind it
+            assert essence(past(name, part, checkpoints=True)) == essence(past(name, part, checkpoints=False))
