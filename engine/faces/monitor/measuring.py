@@ -14,7 +14,11 @@ from engine.stages.geometry.shapes.snapping import SnapTo
 from kb.diagnostics import InvalidInput
 
 SIZES = ("nominal", "tolerance", "bore")  # millimetres, may be empty
-COLUMNS = ("name", "kind", "x", "y", "z", *SIZES)
+COLUMNS = ("name", "kind", "x", "y", "z", *SIZES, "tool")
+NUMBER = """<q-td :props="props"><q-input dense borderless type="number" v-model.number="props.row[props.col.name]"
+  :aria-label="props.col.name + ' of ' + props.row.name" input-style="width: 5em" :readonly="READ_ONLY"
+  @change="() => $parent.$emit('edited', props.row)" /></q-td>"""
+ANY = "any"  # tool
 CHOSEN, WRITTEN, SIZE = "#d02090", "#1f6fb5", 0.012  # colours, and how large a point is shown, of everything
 
 
@@ -69,9 +73,16 @@ class MeasuringPage:
             self._name = ui.input("name", value=self.part.free_name()).props('dense data-testid="name"')
             self._kind = ui.select(self.part.kinds, value=self.part.kinds[0], label="measure")
             self._kind.props('dense options-dense data-testid="kind"').classes("w-32")
+            self._tool = ui.select([ANY, *self.part.tools], value=ANY, label="by tool")
+            self._tool.props('dense options-dense data-testid="tool"').classes("w-32")
+            self._tool.set_visibility(bool(self.part.tools))
         self._at = self._numbers("x", "y", "z")
         self._normal = self._numbers("nx", "ny", "nz", values=(0.0, 0.0, 1.0))
         self._sizes = self._numbers(*SIZES, values=(None, None, None))
+        for field in (*self._at.values(), *self._normal.values(), *self._sizes.values()):
+            field.on("change", self._judge)
+        for chosen in (self._kind, self._tool):
+            chosen.on_value_change(self._judge)
         self._verdict = ui.label("").props('data-testid="verdict" role="status"')
         with ui.row().classes("gap-2"):
             self._button("Look", "look", self._judge)
@@ -98,6 +109,11 @@ class MeasuringPage:
         self._table = ui.table(columns=columns, rows=[], row_key="name", selection="multiple")
         self._table.props('dense flat data-testid="points" no-data-label="no measurement has a position yet"')
         self._table.classes("w-full").style("max-height: 40vh")
+        for each in ("x", "y", "z", *SIZES):
+            self._table.add_slot(
+                f"body-cell-{each}", NUMBER.replace("READ_ONLY", str(self.shared.read_only).lower())
+            )
+        self._table.on("edited", lambda event: self._edited(event.args))
 
     def _refill(self) -> None:
         """Show the measurements that the file has now."""
@@ -141,6 +157,7 @@ class MeasuringPage:
             "kind": str(self._kind.value),
             "at": [each.value for each in self._at.values()],
             "normal": [each.value for each in self._normal.values()],
+            "tool": "" if self._tool.value == ANY else str(self._tool.value),
             **sizes,
         }
 
@@ -158,12 +175,19 @@ class MeasuringPage:
             remove="text-negative" if reached else "text-positive",
         )
 
+    async def _edited(self, row: dict[str, Any]) -> None:
+        """Write what was changed in a row of the table; a size that was emptied is taken away."""
+        sizes = {key: row[key] for key in SIZES if row.get(key) not in (None, "")}
+        kept = {key: row[key] for key in ("name", "kind", "normal", "tool") if key in row}
+        await self._send("replaced", [{**kept, "at": [row["x"], row["y"], row["z"]], **sizes}])
+
     async def _change(self) -> None:
-        """Give all chosen measurements the kind and those sizes that are filled in."""
+        """Give all chosen measurements the kind, the tool, and those sizes that are filled in."""
         given = {key: field.value for key, field in self._sizes.items() if field.value is not None}
         chosen = {each["name"] for each in self._table.selected}
         points = [written_point(each) for each in self.part.points if each.name in chosen]
-        await self._send("replaced", [{**each, "kind": str(self._kind.value), **given} for each in points])
+        given |= {"kind": str(self._kind.value), "tool": self._point()["tool"]}
+        await self._send("replaced", [{**each, **given} for each in points])
 
     async def _remove(self) -> None:
         await self._send("removed", [each["name"] for each in self._table.selected])

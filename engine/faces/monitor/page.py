@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Callable
 
 from nicegui import ui
 
@@ -55,6 +56,21 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Enter") choose(event);
 });
 """
+LAYOUT = """
+.nicegui-content { padding: 4px 8px; gap: 4px; }
+.split { display: flex; width: 100%; gap: 8px; align-items: flex-start; }
+.views { flex: 1; min-width: 0; }
+.q-tab-panel { overflow-x: auto; }
+.chosen { width: 300px; position: sticky; top: 42px; max-height: calc(100vh - 100px); overflow-y: auto; padding: 8px;
+  border-left: 3px solid #d02090; overflow-wrap: anywhere; flex-wrap: nowrap; background: white; z-index: 2; }
+.body--dark .chosen { background: #1d1d1d; }
+.body--dark .text-primary, .body--dark a:not(.text-white) { color: #8fc1f2 !important; }
+@media (max-width: 1000px) {
+  .split { flex-direction: column-reverse; align-items: stretch; }
+  .views { width: 100%; }
+  .chosen { width: 100%; max-height: 26vh; }
+}
+"""
 BAR = "padding: 2px 10px"  # of the head and the foot of a page
 KEYS = """k plays or stands · , . one record · Home End · x next exception · l live · 1 to 9, 0 and - views ·
 f choose by name · Esc choose nothing · p pause · c go on · s stop · r retry · y approve · m more orders"""
@@ -62,6 +78,7 @@ f choose by name · Esc choose nothing · p pause · c go on · s stop · r retr
 
 def head(shared: Shared) -> None:
     """What every page needs in its head."""
+    ui.add_css(LAYOUT)
     ui.add_head_html(f"<script>const TOKEN = {json.dumps(shared.token)};{SCRIPT}{PLACING}</script>")
     ui.colors(primary="#1f5a94")
     ui.on("told", lambda event: notice(event.args))
@@ -86,7 +103,6 @@ class RunPage:
         self._head()
         if self._steering is not None:
             self._steering.banner()
-        self._chosen = Chosen(self.look)
         self._views = self._body()
         self._foot()
         ui.on("go", lambda event: self._go(int(event.args)))
@@ -123,10 +139,12 @@ class RunPage:
             self._field.props('dense clearable data-testid="choose"')
             self._field.on("keydown.enter", lambda: self._choose(str(self._field.value or "")))
         views = {}
-        with ui.tab_panels(self._tabs, value=VIEWS[0].name).props("keep-alive").classes("w-full"):
-            for each in VIEWS:
-                with ui.tab_panel(each.name).classes("q-pa-sm"):
-                    views[each.name] = each(self.look)
+        with ui.element("div").classes("split"):
+            with ui.tab_panels(self._tabs, value=VIEWS[0].name).props("keep-alive").classes("views"):
+                for each in VIEWS:
+                    with ui.tab_panel(each.name).classes("q-pa-xs"):
+                        views[each.name] = each(self.look)
+            self._chosen = Chosen(self.look)
         self._tabs.on_value_change(lambda: self.tick(anew=True))
         return views
 
@@ -226,7 +244,7 @@ class RunPage:
             return
         name = str(key.name)
         count, number = len(self.player.follower.records), self.player.number
-        plain = {
+        plain: dict[str, Callable[[], object]] = {
             "k": self._play_or_stand,
             "x": self._to_exception,
             "l": self.player.to_the_end,
