@@ -7,7 +7,7 @@ from typing import Any
 from nicegui import events, ui
 
 from engine.faces.monitor.cell3d import SIDES, scene_of, turned
-from engine.faces.monitor.page import head
+from engine.faces.monitor.frame import head, heading
 from engine.faces.monitor.shared import Shared
 from engine.faces.monitor.sheets import Part, written_point
 from engine.stages.geometry.shapes.snapping import SnapTo
@@ -31,10 +31,7 @@ class MeasuringPage:
         self.part = Part(self.path)
         self._scene: ui.scene
         head(shared)
-        with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
-            ui.link("runs", "/").classes("text-white")
-            ui.link("measurements", "/measure").classes("text-white")
-            ui.label(name).classes("text-h6").props('data-testid="title"')
+        heading(name)
         with ui.row().classes("w-full no-wrap items-start"):
             with ui.column().classes("col-7"):
                 self._model()
@@ -216,9 +213,7 @@ class ChoosingPage:
 
     def __init__(self, shared: Shared) -> None:
         head(shared)
-        with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
-            ui.link("runs", "/").classes("text-white")
-            ui.label("Measurements").classes("text-h6")
+        heading("Measurements", "measurements")
         files = shared.sheets.files(".yaml")
         ui.label(
             f"Problem files in {shared.sheets.folder}"

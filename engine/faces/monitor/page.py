@@ -1,13 +1,12 @@
 """The page of one run: how it stands, its views, orders, and the way through its records. It looks ten times a second for what is new."""
 
-import json
 import time
 from collections.abc import Callable
 
 from nicegui import ui
 
-from engine.faces.monitor.cell3d import PLACING
 from engine.faces.monitor.chosen import Chosen
+from engine.faces.monitor.frame import BAR, dark_switch, head
 from engine.faces.monitor.playing import SPEEDS, Player
 from engine.faces.monitor.shared import Shared
 from engine.faces.monitor.steering import MOVING, Steering
@@ -29,65 +28,8 @@ STANDS = {  # phase or end of a run: its sign, its colour, and what it means
     "stopped": ("■", "red-9", "a safe stop: nothing moves"),
     "aborted": ("✗", "red-9", "ended for good"),
 }
-SCRIPT = """
-async function send(path, content) {
-  const answer = await fetch(path, {
-    method: "POST",
-    headers: {
-      "content-type": "application/json",
-      "x-cellwright-token": TOKEN,
-      "idempotency-key": crypto.randomUUID ? crypto.randomUUID() : String(Math.random()) + Date.now(),
-    },
-    body: JSON.stringify(content),
-  });
-  const told = await answer.json();
-  emitEvent("told", { ...told, refused: !answer.ok });
-  return told;
-}
-function order(run, name, text) {
-  return send("/orders", { run: run, order: name, text: text || "" });
-}
-function choose(event) {
-  const step = event.target.closest && event.target.closest(".step");
-  if (step) emitEvent("chosen", step.dataset.step || step.textContent);
-}
-document.addEventListener("click", choose);
-document.addEventListener("keydown", (event) => {
-  if (event.key === "Enter") choose(event);
-});
-"""
-LAYOUT = """
-.nicegui-content { padding: 4px 8px; gap: 4px; }
-.split { display: flex; width: 100%; gap: 8px; align-items: flex-start; }
-.views { flex: 1; min-width: 0; }
-.q-tab-panel { overflow-x: auto; }
-.chosen { width: 300px; position: sticky; top: 42px; max-height: calc(100vh - 100px); overflow-y: auto; padding: 8px;
-  border-left: 3px solid #d02090; overflow-wrap: anywhere; flex-wrap: nowrap; background: white; z-index: 2; }
-.body--dark .chosen { background: #1d1d1d; }
-.body--dark .text-primary, .body--dark a:not(.text-white) { color: #8fc1f2 !important; }
-@media (max-width: 1000px) {
-  .split { flex-direction: column-reverse; align-items: stretch; }
-  .views { width: 100%; }
-  .chosen { width: 100%; max-height: 26vh; }
-}
-"""
-BAR = "padding: 2px 10px"  # of the head and the foot of a page
 KEYS = """k plays or stands · , . one record · Home End · x next exception · l live · 1 to 9, 0 and - views ·
 f choose by name · Esc choose nothing · p pause · c go on · s stop · r retry · y approve · m more orders"""
-
-
-def head(shared: Shared) -> None:
-    """What every page needs in its head."""
-    ui.add_css(LAYOUT)
-    ui.add_head_html(f"<script>const TOKEN = {json.dumps(shared.token)};{SCRIPT}{PLACING}</script>")
-    ui.colors(primary="#1f5a94")
-    ui.on("told", lambda event: notice(event.args))
-
-
-def notice(told: dict[str, object]) -> None:
-    """Show what came of an order."""
-    kind = "warning" if told.get("refused") else "positive"
-    ui.notify(str(told.get("said", "")), type=kind, multi_line=True)
 
 
 class RunPage:
@@ -121,13 +63,7 @@ class RunPage:
             self._clock = ui.label("").props('data-testid="clock"')
             ui.space()
             self._steering = None if self.shared.read_only else Steering(self.shared, self.name)
-            ui.button(icon="contrast", on_click=lambda: self._dark()).props(
-                'dense flat color="white" aria-label="light or dark" data-testid="dark"'
-            )
-        self._dark_mode = ui.dark_mode(None)
-
-    def _dark(self) -> None:
-        self._dark_mode.value = not self._dark_mode.value
+            dark_switch()
 
     def _body(self) -> dict[str, View]:
         with ui.row().classes("w-full items-center no-wrap gap-2 q-px-sm"):
