@@ -28,7 +28,10 @@ def test_an_operators_walk(
 ) -> None:
     """Start THEMSE with four probes; a lid jams; answer; recover; look at the results; replay."""
     page = open_page(serve(tmp_path / "runs.db", tmp_path))
-    told = ["Approve", *started(page, target="themse/four", name="walk", factor="0.001", fault="3=lid_jammed")]
+    told = [
+        "Approve",
+        *started(page, target="themse/four", name="walk", factor="0.001", fault="3=lid_jammed"),
+    ]
     banner = at(page, "asks", has_text="clear the rails")
     banner.wait_for()
     told += ["Asked, while it stands", at(page, "phase").inner_text(), *banner.inner_text().split("\n")]

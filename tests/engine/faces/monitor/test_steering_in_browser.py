@@ -12,6 +12,7 @@ from engine.faces.monitor.following import Follower, record_of
 from engine.model.execution import RecordKind
 from kb.store.journal import Journal, Line
 from tests.engine.faces.monitor.conftest import Serve, at, started
+from tests.engine.formats.interop.parts import Document, plane, segment
 
 Open = Callable[[str], Any]
 
@@ -88,7 +89,10 @@ def test_two_pages_at_once_show_the_same_and_either_may_steer(open_page: Open, s
     one.locator('[data-testid="continue"]:enabled').click()
     for page in (one, other):
         at(page, "phase", has_text="reached").wait_for()
-    assert one.locator('[data-testid="clock"]').inner_text() == other.locator('[data-testid="clock"]').inner_text()
+    assert (
+        one.locator('[data-testid="clock"]').inner_text()
+        == other.locator('[data-testid="clock"]').inner_text()
+    )
 
 
 @pytest.mark.slow
@@ -181,11 +185,18 @@ def _changed(path: Path, texts: list[str]) -> str:
 
 
 @pytest.mark.slow
-def test_it_is_told_why_a_picked_point_cannot_be_reached_and_files_are_imported(
+def test_it_is_told_why_a_point_cannot_be_reached_and_files_are_imported(
     open_page: Open, site: str, folder: Path
 ) -> None:
+    document, corners = Document(), [(0, 0, 0), (50, 0, 0), (50, 50, 0), (0, 50, 0)]
+    sides = zip(corners, [*corners[1:], corners[0]], strict=True)
+    edges = [document.coedge(segment(a, b), (a, b))[0] for a, b in sides]
+    document.feature("Plane", [document.face(plane(), [document.loop(edges)])])
+    document.written(folder)
     (folder / "points.csv").write_text("name,kind,x,y,z,nx,ny,nz\nb1,thickness,100,200,0,0,0,-1\n")
     page = open_page(f"{site}/measure")
+    page.get_by_role("button", name=re.compile("Import .*qif")).click()
+    page.locator(".q-notification", has_text="made:").first.wait_for()
     page.get_by_role("button", name="Import points.csv").click()
     page.get_by_role("link", name="points.yaml").click()
     at(page, "points").get_by_text("b1", exact=True).wait_for()
