@@ -4,7 +4,7 @@ import asyncio
 import json
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import background_tasks, events, ui
 
 from engine.faces.monitor.cell3d import SIDES, scene_of, turned
 from engine.faces.monitor.frame import head, heading
@@ -77,12 +77,12 @@ class MeasuringPage:
         self._normal = self._numbers("nx", "ny", "nz", values=(0.0, 0.0, 1.0))
         self._sizes = self._numbers(*SIZES, values=(None, None, None))
         for field in (*self._at.values(), *self._normal.values(), *self._sizes.values()):
-            field.on("change", self._judge)
+            field.on("change", self._look)
         for chosen in (self._kind, self._tool):
-            chosen.on_value_change(self._judge)
+            chosen.on_value_change(self._look)
         self._verdict = ui.label("").props('data-testid="verdict" role="status"')
         with ui.row().classes("gap-2"):
-            self._button("Look", "look", self._judge)
+            self._button("Look", "look", self._look)
             self._button("Add", "add", lambda: self._send("added", [self._point()]))
             self._button("Change chosen", "change", self._change)
             self._button("Remove chosen", "remove", self._remove)
@@ -145,7 +145,7 @@ class MeasuringPage:
             field.set_value(round(value, 6) + 0.0)
         if found.bore_m is not None:
             self._sizes["bore"].set_value(round(1000 * found.bore_m, 3))
-        await self._judge()
+        self._look()
 
     def _point(self) -> dict[str, Any]:
         sizes = {key: field.value for key, field in self._sizes.items() if field.value is not None}
@@ -157,6 +157,10 @@ class MeasuringPage:
             "tool": "" if self._tool.value == ANY else str(self._tool.value),
             **sizes,
         }
+
+    def _look(self) -> None:
+        """Have the point judged as it is now; of several that wait, only the last one is."""
+        background_tasks.create_lazy(self._judge(), name=f"judged {id(self)}")
 
     async def _judge(self) -> None:
         """Tell whether the point can be measured, and if not, why."""
@@ -192,7 +196,7 @@ class MeasuringPage:
     async def _send(self, how: str, points: list[Any]) -> None:
         """Ask for a change as the page does, with its token and a key; then show what the file has."""
         asked = json.dumps({"file": self.name, "how": how, "points": points})
-        await ui.run_javascript(f"return send('/measurements', {asked})", timeout=20.0)
+        await ui.run_javascript(f"return send('/measurements', {asked})", timeout=90.0)
         self.part = Part(self.path)
         self._name.set_value(self.part.free_name())
         self._refill()

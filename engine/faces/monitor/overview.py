@@ -95,7 +95,7 @@ def _work(shared: Shared) -> None:
 
             async def begin() -> None:
                 asked = json.dumps({"order": "work", "text": str(words.value or "")})
-                await ui.run_javascript(f"return send('/orders', {asked})", timeout=20.0)
+                await ui.run_javascript(f"return send('/orders', {asked})", timeout=90.0)
 
             ui.button("Begin", on_click=begin).props('dense no-caps data-testid="begin"')
         ui.label(f"What can be begun: {', '.join(LONG)}; it works in {shared.sheets.folder}")

@@ -90,23 +90,21 @@ def test_what_is_chosen_in_one_view_is_marked_in_every_other_one(open_page: Open
     at(page, "panel").wait_for(state="hidden")
 
 
-def test_the_net_of_contact_states_is_marked_as_the_run_stands(open_page: Open, site: str) -> None:
+def test_the_net_of_contact_states_is_marked_as_the_run_stands(
+    open_page: Open, site: str, store: Path
+) -> None:
+    follower = Follower(str(store), "tuesday")
+    follower.refresh()
+    picked = next(each for each in follower.done(0, len(follower.records)) if "pick(" in each["action"])
     page = open_page(f"{site}/run/tuesday")
     page.keyboard.press("5")
-    held = at(page, "inside").locator("tr", has_text="mars_gripper").first
-    at(page, "net").locator("[data-place]").first.wait_for()
-    free = held.inner_text()
-    page.keyboard.press("Home")
-    at(page, "clock", has_text="0 records").wait_for()
-    for _ in range(40):
-        page.keyboard.press(".")
-        page.wait_for_timeout(100)
-        if "probe" in held.inner_text():
-            break
-    assert "probe" in held.inner_text()
-    assert "probe" not in free
+    held = at(page, "inside").locator("tbody tr", has=page.locator("td:first-child", has_text="mars_gripper"))
+    held.get_by_text("P1", exact=True).wait_for()  # free
+    page.evaluate(f"emitEvent('go', {picked['number']})")
+    taken = picked["action"].partition("(")[2].partition(",")[0]
+    held.get_by_text(taken).wait_for()
     place = held.locator("td").nth(1).inner_text()
-    assert at(page, "net").locator(f'[data-place="{place}"]').inner_text().startswith("●")
+    assert at(page, "net").locator(f'[data-place="{place}"] text').text_content().startswith("●")
 
 
 def test_results_are_saved_as_qif_from_the_page(open_page: Open, site: str) -> None:
