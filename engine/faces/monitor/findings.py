@@ -115,6 +115,7 @@ class Results(View):
                 button = ui.button(f"Save as {form.value}", on_click=lambda _, form=form: self._save(form))
                 button.props(f'dense no-caps outline data-testid="save-{form.value}"')
         self._table = made(self.look.choose, "of", "quantity", "value", "nominal", "from", "to", "", "at")
+        self._none = ui.label("nothing was measured yet; what was done to each object is told by `objects`")
         self._charts = ui.row()
         self._drawn: tuple[object, ...] = ()
 
@@ -126,6 +127,7 @@ class Results(View):
             return
         self._drawn = drawn
         fill(self._table, [_measured(each) for each in run.results], related(run, self.look.step))
+        self._none.set_visibility(not run.results)
         features: dict[str, list[dict[str, Any]]] = defaultdict(list)
         for each in run.results:
             if "value" in each:

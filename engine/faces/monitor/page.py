@@ -76,9 +76,13 @@ class RunPage:
             self._field.on("keydown.enter", lambda: self._choose(str(self._field.value or "")))
         views = {}
         with ui.element("div").classes("split"):
-            with ui.tab_panels(self._tabs, value=VIEWS[0].name).props("keep-alive").classes("views"):
+            with (
+                ui.tab_panels(self._tabs, value=VIEWS[0].name, animated=False)
+                .props("keep-alive")
+                .classes("views")
+            ):
                 for each in VIEWS:
-                    with ui.tab_panel(each.name).classes("q-pa-xs"):
+                    with ui.tab_panel(each.name).classes("q-pa-xs").props(f'data-testid="shows-{each.name}"'):
                         views[each.name] = each(self.look)
             self._chosen = Chosen(self.look)
         self._tabs.on_value_change(lambda: self.tick(anew=True))

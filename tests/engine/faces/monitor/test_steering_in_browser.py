@@ -188,11 +188,11 @@ def test_it_is_told_why_a_point_cannot_be_reached_and_files_are_imported(
     sides = zip(corners, [*corners[1:], corners[0]], strict=True)
     edges = [document.coedge(segment(a, b), (a, b))[0] for a, b in sides]
     document.feature("Plane", [document.face(plane(), [document.loop(edges)])])
-    document.written(folder)
+    made = document.written(folder).with_suffix(".yaml")
     (folder / "points.csv").write_text("name,kind,x,y,z,nx,ny,nz\nb1,thickness,100,200,0,0,0,-1\n")
     page = open_page(f"{site}/measure")
     page.get_by_role("button", name=re.compile("Import .*qif")).click()
-    page.locator(".q-notification", has_text="made:").first.wait_for()
+    page.get_by_role("link", name=made.name).wait_for()
     page.get_by_role("button", name="Import points.csv").click()
     page.get_by_role("link", name="points.yaml").click()
     at(page, "points").get_by_text("b1", exact=True).wait_for()
