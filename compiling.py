@@ -149,15 +149,13 @@ class Build(build_ext):
             linker = [*zig, "-shared", *LINKED.get(sys.platform, [])]
             self.compiler.set_executables(compiler_so=[*zig, "-fPIC"], linker_so=linker)
         self.parallel = self.parallel or os.cpu_count()
-        shared = [each for each in needed if each.name == SHARED]
-        self._build(shared)
-        if all(self._made(each).exists() for each in shared):  # no kernel loads without it
-            self._build([each for each in needed if each.name != SHARED])
-        self.extensions = needed
-
-    def _build(self, extensions: list[Extension]) -> None:
-        self.extensions = extensions
+        # The longest first, so that no processor waits for the last one.
+        self.extensions = sorted(needed, key=lambda each: -sum(map(os.path.getsize, each.sources)))
         super().build_extensions()
+        self.extensions = needed
+        if any(each.name == SHARED and not self._made(each).exists() for each in needed):
+            for each in needed:  # no kernel loads without it
+                self._made(each).unlink(missing_ok=True)
 
     def _made(self, extension: Extension) -> Path:
         return Path(self.get_ext_fullpath(extension.name))

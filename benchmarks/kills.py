@@ -1,62 +1,169 @@
 """Kills a run at every record of its journal while its controller lives on, resumes it, and reads the controller's own log.
 
-    python benchmarks/kills.py [--target TARGET] [--fault STEP=CAUSE] [--from N] [--every N] [--at-most N] [--json FILE]
+    python benchmarks/kills.py [--target TARGET] [--fault STEP=CAUSE] [--from N] [--to N] [--json FILE]
 
-The simulated cell is a process of its own, reached over TCP. The process of the run gets SIGKILL when it has told so many records.
-The resumed run has to reach the same goals, and no command may have been carried out twice. With --json the kills that have
-passed are kept, and are not made again by the next call. Exits with 1 if a kill ends wrong.
+The simulated cell is a process of its own, reached over TCP. The process of the run gets SIGKILL at a record: before the group with it
+is written, behind that, and when the commands of the group are sent. Records of one group are written together, so the first
+two are tried once for each group. The resumed run has to reach the same goals as one that is not killed, and no
+command may have been carried out twice. With --json the kills that have passed are kept, and are not made again by the next call.
+Exits with 1 if a kill ends wrong.
 """
 
 import argparse
 import json
 import os
-import subprocess
+import signal
 import sys
 import tempfile
+import traceback
 from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-CLI = [sys.executable, "-m", "engine.faces.cli"]
-TOP = Path(__file__).parents[1]
-ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(TOP), os.environ.get("PYTHONPATH", "")])}
+from mishaps import Setting
+
+from engine.model.execution import Command, Record
+from engine.pipelines.controllers.serving import serve
+from engine.pipelines.execution import Timed, Wanted, named, resume
+from engine.pipelines.execution.begin import Ledger
+from engine.pipelines.execution.planned import Ready, first
+from engine.pipelines.planning import problem_of
+from engine.plugins import driver
+from engine.ports import DriverSetup
+from kb.store.journal import Journal
+
+WHEN = ("before", "written", "sent")
 
 
-def killed_after(records: int, line: list[str]) -> bool:
-    """Run a command line that writes records to its output, and kill it after so many; whether it was still running."""
-    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT) as run:
-        assert run.stdout is not None
-        seen = [each for each, _ in zip(run.stdout, range(records), strict=False)]
-        run.kill()
-    return len(seen) == records and json.loads(seen[-1])["kind"] != "end"
+class Deadly(Ledger):
+    """A journal that kills its process at a record, before or behind its group. It keeps where each group ends."""
+
+    def __init__(self, journal: Journal, run: str, record: int = 0, when: str = "") -> None:
+        super().__init__(journal, run)
+        self.record, self.when, self.ends = record, when, list[int]()
+
+    def reached(self) -> bool:
+        """Whether the record is written."""
+        return bool(self.ends) and self.ends[-1] >= self.record > 0
+
+    def append(self, records: Sequence[Record]) -> None:
+        """Append records, or die."""
+        if self.when == "before" and records[-1].number >= self.record:
+            os.kill(os.getpid(), signal.SIGKILL)
+        super().append(records)
+        self.ends.append(records[-1].number)
+        if self.when == "written" and self.reached():
+            os.kill(os.getpid(), signal.SIGKILL)
 
 
-def trial(target: str, fault: str, records: int, folder: Path) -> tuple[bool, str]:
-    """Whether the run was killed before its end, and what is wrong afterwards; nothing if all is well."""
-    log = folder / "cell.log"
-    serve = [*CLI, "driver", "serve", target, "--listen", "127.0.0.1:0", "--option", f"log={log}"]
-    serve += ["--fault", fault] if fault else []
-    with subprocess.Popen(serve, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT) as cell:
-        assert cell.stderr is not None
-        address = cell.stderr.readline().split()[-1]
+def forked(work: Callable[[], object]) -> int:
+    """Run something in a process of its own; its number."""
+    child = os.fork()
+    if child:
+        return child
+    try:
+        work()
+        os._exit(0)
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)
+
+
+@contextmanager
+def served(setting: Setting, log: Path) -> Iterator[str]:
+    """The address of a simulated cell in a process of its own."""
+    told, tell = os.pipe()
+    options = {"log": str(log), **({"fault": setting.fault} if setting.fault else {})}
+
+    def work() -> None:
+        os.dup2(tell, 2)
+        serve(DriverSetup(setting.problem, "", 0, 0.0, options), "127.0.0.1", 0)
+
+    child = forked(work)
+    os.close(tell)
+    with os.fdopen(told) as lines:
         try:
-            kept = ["--store", str(folder / "runs.db")]
-            line = [*CLI, "run", target, "--name", "k", *kept, "--events", "-", "--driver", "external"]
-            if not killed_after(records, [*line, "--option", f"address={address}"]):
-                return False, ""
-            again = [*CLI, "resume", "k", *kept, "--format", "json"]
-            ended = subprocess.run(again, capture_output=True, text=True, env=ENVIRONMENT, check=False)
+            yield lines.readline().split()[-1]
         finally:
-            cell.kill()
-    return True, wrong_with(ended.returncode, ended.stdout + ended.stderr, log)
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
 
 
-def wrong_with(code: int, said: str, log: Path) -> str:
-    """What is wrong with a resumed run."""
-    if code:
-        return f"resume ended with {code}: {said[-300:]}"
-    entries = [json.loads(each) for each in log.read_text("utf-8").splitlines() if each]
+def run(setting: Setting, wanted: Wanted, record: int = 0, when: str = "") -> list[int]:
+    """A run over TCP that may die at a record; else the last numbers of its groups."""
+    with Journal(wanted.store) as journal:
+        setup = DriverSetup(setting.problem, wanted.run, 0, 0.0, dict(wanted.options))
+        made, ledger = driver("external", setup), Deadly(journal, wanted.run, record, when)
+        send = made.send
+
+        def sent(commands: Sequence[Command]) -> None:
+            send(commands)
+            if when == "sent" and ledger.reached():
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        made.send = sent  # type: ignore[method-assign]
+        setting.run(wanted, made, ledger, [])
+        made.close()
+        return ledger.ends
+
+
+def wanted_in(setting: Setting, folder: Path, address: str) -> Wanted:
+    """A run with its journal in a folder."""
+    store, options = str(folder / "runs.db"), {"address": address}
+    return named(Wanted(setting.target, driver="external", store=store, options=options), setting.problem)
+
+
+def trial(setting: Setting, record: int, when: str, goals: list[str]) -> tuple[bool, str]:
+    """Whether the run was killed before its end, and what is wrong afterwards; nothing if all is well."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with served(setting, folder / "cell.log") as address:
+            wanted = wanted_in(setting, folder, address)
+            _, status = os.waitpid(forked(lambda: run(setting, wanted, record, when)), 0)
+            if not os.WIFSIGNALED(status):
+                return False, "" if status == 0 else f"the run ended with {status}"
+            outcome = folder / "outcome.json"
+
+            def again() -> None:
+                ending = resume(wanted.store, wanted.run, Timed())
+                outcome.write_text(json.dumps([ending.outcome, ending.why, sorted(ending.goals)]), "utf-8")
+
+            if not over(wanted):
+                os.waitpid(forked(again), 0)
+                if not outcome.is_file():
+                    return True, "it could not be resumed"
+                said, why, reached = json.loads(outcome.read_text("utf-8"))
+                if reached != goals:
+                    return True, f"{said}: {why}; {len(reached)} of {len(goals)} goals"
+            return True, twice_in(folder / "cell.log")
+
+
+def over(wanted: Wanted) -> bool:
+    """Whether the journal tells of the end of the run."""
+    with Journal(wanted.store) as journal:
+        return bool(journal.last(wanted.run, "end"))
+
+
+def twice_in(log: Path) -> str:
+    """Which commands a cell has carried out twice, as its log tells; empty if none."""
+    entries = []
+    for each in filter(None, log.read_text("utf-8").splitlines()):
+        with suppress(ValueError):
+            entries.append(json.loads(each))
     twice = [n for n, count in Counter(e["ended"] for e in entries if "ended" in e).items() if count > 1]
     return f"commands carried out twice: {twice}" if twice else ""
+
+
+def unharmed(setting: Setting) -> tuple[list[int], list[str]]:
+    """The last numbers of the groups of a run that is not killed, and the goals that it reaches."""
+    with tempfile.TemporaryDirectory() as name, served(setting, Path(name) / "cell.log") as address:
+        wanted, found = wanted_in(setting, Path(name), address), Path(name) / "ends.json"
+        os.waitpid(forked(lambda: found.write_text(json.dumps(run(setting, wanted)), "utf-8")), 0)
+        with Journal(wanted.store) as journal:
+            end = journal.line(wanted.run, journal.last(wanted.run))
+        assert end is not None
+        return json.loads(found.read_text("utf-8")), sorted(end.content["goals"])
 
 
 def main() -> int:
@@ -67,27 +174,29 @@ def main() -> int:
     parser.add_argument("--target", default="themse/one")
     parser.add_argument("--fault", default="pick=not_gripped")
     parser.add_argument("--from", dest="first", type=int, default=2)
-    parser.add_argument("--every", type=int, default=1)
-    parser.add_argument("--at-most", type=int)
+    parser.add_argument("--to", dest="last", type=int)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     kept = asked.json is not None and asked.json.is_file()
-    passed = set(json.loads(asked.json.read_text("utf-8"))) if kept else set[int]()
-    wrong, made, records = 0, 0, asked.first
-    while asked.at_most is None or made < asked.at_most:
-        if records not in passed:
-            with tempfile.TemporaryDirectory() as folder:
-                killed, found = trial(asked.target, asked.fault, records, Path(folder))
-            if not killed:
-                break
-            made += 1
+    passed = set(json.loads(asked.json.read_text("utf-8"))) if kept else set[str]()
+    problem = problem_of(asked.target)
+    ready = first(problem)
+    assert isinstance(ready, Ready), ready
+    setting = Setting(asked.target, asked.fault, problem, ready)
+    ends, goals = unharmed(setting)
+    print(f"{ends[-1]} records in {len(ends)} groups, {len(goals)} goals", flush=True)
+    counted, wrong = Counter[str](), 0
+    for end in (each for each in ends[1:] if asked.first <= each <= (asked.last or ends[-1])):
+        for when in (each for each in WHEN if f"{end} {each}" not in passed):
+            killed, found = trial(setting, end, when, goals)
+            counted[when if killed else "not killed"] += 1
             wrong += bool(found)
-            passed |= set() if found else {records}
-            print(f"  killed after {records} records: {found or 'resumed, nothing done twice'}", flush=True)
+            if found:
+                print(f"  at record {end}, {when}: {found}", flush=True)
+            passed |= set() if found else {f"{end} {when}"}
             if asked.json:
                 asked.json.write_text(json.dumps(sorted(passed)) + "\n", "utf-8")
-        records += asked.every
-    print(f"{made} kills, {wrong} ended wrong")
+    print(f"kills: {dict(counted)}; {len(passed)} have passed so far; {wrong} ended wrong")
     return int(wrong > 0)
 
 

@@ -2,14 +2,16 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from engine.kernels.geometry.edges import Edges
-from engine.kernels.geometry.proof import Proof
-from engine.model.execution import Command, Message, Report
 from engine.model.geometry import Contact, Floats, Scene, Truths
 from kb.model.octuples import Octuple
-from kb.model.problem import Problem
+
+if TYPE_CHECKING:
+    from engine.kernels.geometry.edges import Edges
+    from engine.kernels.geometry.proof import Proof
+    from engine.model.execution import Command, Message, Report
+    from kb.model.problem import Problem
 
 
 class CollisionChecker(Protocol):
@@ -49,14 +51,14 @@ class CollisionChecker(Protocol):
 class MotionGround(CollisionChecker, Protocol):
     """A checker that motions are planned on. It has joints: its scene is not free."""
 
-    def lines(self, step: float, margin_m: float = 0.0) -> Edges:
+    def lines(self, step: float, margin_m: float = 0.0) -> "Edges":
         """The straight lines between configurations, each checked whole in one call, every `step` (rad, m).
 
         What comes within `margin_m` of another thing touches it.
         """
         ...
 
-    def proof(self, margin_m: float, finest_m: float) -> Proof:
+    def proof(self, margin_m: float, finest_m: float) -> "Proof":
         """What proves that nothing comes within `margin_m` anywhere on a path, by stretches of motions down to `finest_m`."""
         ...
 
@@ -147,7 +149,7 @@ class DriverSetup:
     and with it whatever the driver keeps so that a run can be resumed.
     """
 
-    problem: Problem
+    problem: "Problem"
     run: str = ""
     seed: int = 0
     factor: float = 0.0
@@ -183,7 +185,7 @@ class Driver(Protocol):
         """
         ...
 
-    def send(self, commands: Sequence[Command]) -> None:
+    def send(self, commands: "Sequence[Command]") -> None:
         """Hand over commands, in the order of their numbers. A command with a number that is known is not carried out again.
 
         CONTINUE has no reply. WAIT is answered `waiting` when its turn has come. Every other command gets exactly one reply,
@@ -191,7 +193,7 @@ class Driver(Protocol):
         """
         ...
 
-    def receive(self, until_ms: int | None) -> Sequence[Message]:
+    def receive(self, until_ms: int | None) -> "Sequence[Message]":
         """What has come since the last call, the oldest first; waits for it until this time of the clock (None: without limit).
 
         Nothing has come if the result is empty: the time has passed, or a control tick. A virtual clock jumps to the next
@@ -200,7 +202,7 @@ class Driver(Protocol):
         """
         ...
 
-    def quiesce(self, within_ms: int) -> Sequence[Message]:
+    def quiesce(self, within_ms: int) -> "Sequence[Message]":
         """Begin nothing more, drop what is queued, bring what is under way to its end, and give what came meanwhile.
 
         Commands of processes that need no hand, such as a furnace that heats, go on: their replies come later. What has not
@@ -212,7 +214,7 @@ class Driver(Protocol):
         """Stop every motion at once. What was under way has no reply and counts as dropped or failed; `report` tells which."""
         ...
 
-    def report(self, numbers: Sequence[int]) -> Sequence[Report]:
+    def report(self, numbers: Sequence[int]) -> "Sequence[Report]":
         """What became of these commands, in this order. A resumed run asks so before it sends anything."""
         ...
 

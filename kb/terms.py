@@ -39,6 +39,9 @@ class Variable:
 
     name: str
 
+    def __hash__(self) -> int:
+        return hash(self.name)
+
     def __str__(self) -> str:
         return self.name
 
@@ -181,10 +184,21 @@ def substitute(term: Term, bindings: Substitution) -> Term:
 
 
 def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
-    """`substitute` for an atom. The result is an atom, too: the same one if nothing is replaced."""
-    if not bindings or is_ground(atom):
+    """`substitute` for an atom. The result is an atom, too: the same one if nothing is replaced.
+
+    Planning does this millions of times, so the common cases are written out.
+    """
+    form = atom._form
+    if not bindings or (form if form is not None else form_of(atom)) != OPEN:
         return atom
-    replaced = [substitute(argument, bindings) for argument in atom.arguments]
+    replaced: list[Term] = []
+    for argument in atom.arguments:
+        if isinstance(argument, Variable):
+            replaced.append(bindings.get(argument, argument))
+        elif isinstance(argument, Function):
+            replaced.append(argument if argument._form == PLAIN else substitute_atom(argument, bindings))
+        else:
+            replaced.append(substitute(argument, bindings))
     return atom if all(map(operator.is_, replaced, atom.arguments)) else Function(atom.name, tuple(replaced))
 
 

@@ -8,6 +8,8 @@ Plain Python, compiled with the types in `axioms.pxd`. A state is a row of bytes
 from array import array
 from collections.abc import Sequence
 
+from engine.kernels.rows import rows
+
 
 class Closure:
     """The derived atoms that follow from the fluents of a state.
@@ -33,9 +35,9 @@ class Closure:
         for rule, body in enumerate(bodies):
             for atom in body:
                 users[atom].append(rule)
-        self.user_starts, self.user_items = _rows(users)
-        self.atom_starts, self.atom_items = _rows([[atom for atom, _ in pairs] for pairs in negated])
-        _, self.other_items = _rows([[other for _, other in pairs] for pairs in negated])
+        self.user_starts, self.user_items = rows(users)
+        self.atom_starts, self.atom_items = rows([[atom for atom, _ in pairs] for pairs in negated])
+        _, self.other_items = rows([[other for _, other in pairs] for pairs in negated])
         own = set(derived)
         self.watched = array("i", [atom for atom in range(size) if users[atom] and atom not in own])
         self.missing, self.by = array("i", bytes(4 * self.rules)), array("i", bytes(4 * size))
@@ -100,12 +102,3 @@ class Closure:
                 self.missing[rule] -= 1
                 if self.missing[rule] == 0 and self.layers[rule] == layer:
                     self._fire(rule, after)
-
-
-def _rows(lists: Sequence[Sequence[int]]) -> "tuple[array[int], array[int]]":
-    """Lists of numbers one after another, and where each begins."""
-    starts, items = array("i", [0]), array("i")
-    for each in lists:
-        items.extend(each)
-        starts.append(len(items))
-    return starts, items

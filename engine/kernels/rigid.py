@@ -12,11 +12,6 @@ from engine.kernels.geometry.angles import angles_of, sines_cosines
 from engine.kernels.linear import matmul
 
 
-def identity() -> Floats:
-    """The pose of a frame in itself (4, 4)."""
-    return np.eye(4)
-
-
 def translation(x: float, y: float, z: float) -> Floats:
     """A displacement in metres (4, 4)."""
     T = np.eye(4)
@@ -50,15 +45,6 @@ def apply(T: Floats, points: Floats) -> Floats:
     """Points (n, 3) of frame b in frame a, by T_a_b (..., 4, 4). Returns (..., n, 3)."""
     moved: Floats = matmul(points, np.swapaxes(T[..., :3, :3], -1, -2)) + T[..., None, :3, 3]
     return moved
-
-
-def is_rigid(T: Floats, tolerance: float = 1e-9) -> bool:
-    """Whether every matrix (..., 4, 4) is a rotation (without reflection) and a displacement."""
-    R = T[..., :3, :3]
-    orthogonal = np.abs(matmul(R, np.swapaxes(R, -1, -2)) - np.eye(3)).max() <= tolerance
-    return bool(
-        orthogonal and np.all(np.linalg.det(R) > 0) and np.abs(T[..., 3, :] - [0, 0, 0, 1]).max() <= tolerance
-    )
 
 
 def difference(T_a_b: Floats, T_a_c: Floats) -> tuple[Floats, Floats]:

@@ -4,13 +4,15 @@ An atom may depend on others of its own layer, but needs only those of earlier l
 A state is `closed` if exactly those derived atoms are in it that follow from its fluents.
 """
 
+from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 from engine.kernels.axioms import Closure
 from engine.kernels.bits import Bits, bitset, indices
-from engine.model.quantities import Change, Comparing, helps
+from engine.kernels.sums import Comparisons
+from engine.model.quantities import RELATIONS, Change, Comparing, Met, helps, values_of
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,28 @@ class Axioms:
         layers = [self.layers[head] for head in heads]
         return Closure(self.size, heads, bodies, layers, negated, indices(self._ruled))
 
+    @cached_property
+    def comparisons(self) -> Comparisons:
+        """The comparisons of quantities as a compiled kernel, in the order of `tests`."""
+        parts = [[(level.number, factor) for level, factor in each.sum.parts] for each in self.tests]
+        relations = [RELATIONS.index(each.relation) for each in self.tests]
+        atoms = [each.atom for each in self.tests]
+        others = [self.complements.get(atom, -1) for atom in atoms]
+        constants = [each.sum.constant for each in self.tests]
+        return Comparisons(parts, constants, relations, atoms, others, self._width)
+
+    @cached_property
+    def _met(self) -> Met:
+        return next(level.met for each in self.tests for level, _ in each.sum.parts)
+
+    @cached_property
+    def _quantities(self) -> int:
+        return 1 + max(number for number, _ in self._met.values())
+
+    def values(self, state: Bits) -> "array[int]":
+        """The values of all quantities in a state, by their numbers. There must be comparisons."""
+        return values_of(state, self._met, self._quantities)
+
     def helps(self, changes: tuple[Change, ...]) -> Bits:
         """The comparisons that changes of quantities may make true, and those that they may make false."""
         return helps(changes, self.tests, self.complements) if changes else 0
@@ -99,12 +123,7 @@ class Axioms:
         """The state with the derived atoms that follow from its fluents, and no others."""
         if not self.tests:
             return self._followed(state)
-        compared = 0
-        for each in self.tests:
-            if each.holds(state):
-                compared |= 1 << each.atom
-            elif each.atom in self.complements:
-                compared |= 1 << self.complements[each.atom]
+        compared = int.from_bytes(self.comparisons.true(self.values(state)), "little")
         fluents = (1 << self.size) - 1 & ~self.derived
         return self._followed(state & fluents | compared) | state >> self.size << self.size
 

@@ -49,11 +49,6 @@ class Command:
     looks: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
 
-    @property
-    def repeatable(self) -> bool:
-        """Whether it may be carried out again if nobody knows what became of it: it does not change the world."""
-        return self.kind in (CommandKind.WAIT, CommandKind.CONTINUE, CommandKind.ASK)
-
 
 @dataclass(frozen=True, slots=True)
 class Reply:

@@ -68,7 +68,8 @@ class Explanation:
 
     `goals` is a minimal set of goals that cannot be reached (together, if there are several). `exclusions`
     are pairs of these that are never true at the same time. `changes` are the smallest ones; each is proved
-    by a plan. `untried` is how many changes that might help were left when a limit was reached.
+    by a plan. `untried` is how many changes that might help were left when a limit was reached. `gaps` say what no operator
+    makes true; they are told where no change of facts helps.
     """
 
     status: str
@@ -77,6 +78,7 @@ class Explanation:
     changes: tuple[Amendment, ...] = ()
     reason: str = ""
     untried: int = 0
+    gaps: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ class LegKind(Enum):
 class Leg:
     """A part of the motion of a step: configurations (m, k) of the arm, reached at `corners_s` (m,) from the leg's start.
 
-    `proved` says whether it is free everywhere. `holding` names the bodies that move with the arm, but for its own tools.
+    `proved` says whether it is free everywhere. `holding` names the bodies that move with the arm, except for its own tools.
     """
 
     kind: LegKind

@@ -4,10 +4,11 @@ Each value is an atom, `volume(b1, 4995)`, but only the values that are met get 
 quantity. Conditions on quantities are derived atoms, so searches look at numbers only where a step changes them.
 """
 
+from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from engine.kernels.bits import Bits
+from engine.kernels.bits import Bits, indices
 from kb.terms import Atom, Function, Number
 
 RELATED: dict[str, Callable[[int], bool]] = {
@@ -20,14 +21,25 @@ RELATED: dict[str, Callable[[int], bool]] = {
 }
 
 
+RELATIONS = ("=", "!=", "<", "<=", ">", ">=")  # as the kernel of comparisons numbers them
+OPPOSITE = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
+Met = dict[int, tuple[int, int]]  # for the atom of each value: the number of its quantity, and the value
+UNBOUNDED = 1 << 62  # more than any value
+
+
 @dataclass(eq=False)
 class Level:
-    """One quantity, from `low` to `high`. It appends the atoms of the values that are met to `names`, the atoms of the task."""
+    """One quantity, from `low` to `high`: the one with `number` among those of its task.
+
+    It appends the atoms of the values that are met to `names`, the atoms of the task, and notes them in `met`.
+    """
 
     quantity: Function
     low: int
     high: int
     names: list[Atom]
+    met: Met
+    number: int
     mask: Bits = 0
     _bits: dict[int, Bits] = field(default_factory=dict)
     _values: dict[Bits, int] = field(default_factory=dict)
@@ -36,6 +48,7 @@ class Level:
         """The bitset of the atom for a value."""
         if value not in self._bits:
             bit = self._bits[value] = 1 << len(self.names)
+            self.met[len(self.names)] = (self.number, value)
             self.names.append(Function(self.quantity.name, (*self.quantity.arguments, Number(value))))
             self._values[bit] = value
             self.mask |= bit
@@ -59,9 +72,15 @@ class Linear:
 
     def without(self, level: Level) -> "Linear":
         """What is left if a quantity is subtracted once."""
-        factors = dict(self.parts)
-        factors[level] = factors.get(level, 0) - 1
-        return Linear(tuple((each, factor) for each, factor in factors.items() if factor), self.constant)
+        return self.plus(Linear(((level, 1),), 0), -1)
+
+    def plus(self, other: "Linear", factor: int) -> "Linear":
+        """The sum with another one, multiplied."""
+        found = dict(self.parts)
+        for level, each in other.parts:
+            found[level] = found.get(level, 0) + factor * each
+        parts = tuple((level, each) for level, each in found.items() if each)
+        return Linear(parts, self.constant + factor * other.constant)
 
     def range(self) -> tuple[int, int]:
         """The least and the greatest value within the ranges of the quantities."""
@@ -97,6 +116,16 @@ class Comparing:
             return False, False
         rises, falls = self.relation in (">", ">="), self.relation in ("<", "<=")
         return (up if rises else down if falls else True), (down if rises else up if falls else True)
+
+
+def values_of(state: Bits, met: Met, count: int) -> "array[int]":
+    """The values of all quantities in a state, by their numbers."""
+    first = next(iter(met))
+    found = array("q", bytes(8 * count))
+    for place in indices(state >> first):
+        if (known := met.get(first + place)) is not None:
+            found[known[0]] = known[1]
+    return found
 
 
 @dataclass(frozen=True)

@@ -111,13 +111,3 @@ def after(axioms: Axioms | None, state: Bits, operator: GroundOperator) -> Bits:
     if axioms is None or not axioms.may_change(found ^ state):
         return found
     return axioms.closed(found)
-
-
-def regress(goals: Bits, operator: GroundOperator) -> Bits | None:
-    """What must hold before an unconditional `operator` so that `goals` hold after it.
-
-    None if it achieves none of them or destroys one.
-    """
-    if not goals & operator.adds or goals & operator.deletes & ~operator.adds:
-        return None
-    return (goals & ~operator.adds) | operator.preconditions

@@ -6,8 +6,6 @@ Nothing here needs a planner, so that commands which only look at a cell start q
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from engine.pipelines.plan_files import generated_if_bare
-from engine.stages.validation.semantics import Semantics
 from kb.targets import find
 from kb.terms import Atom
 
@@ -17,12 +15,20 @@ if TYPE_CHECKING:
 
 def loaded(path: Path) -> "Loaded":
     """What is in the file of a domain or problem; the domain may be one that is generated. Raises `InvalidInput`."""
+    from engine.pipelines.plan_files import generated_if_bare
     from kb.loader import load
 
     return load(path, generated_if_bare)
 
 
 def initial_facts(target: str) -> frozenset[Atom]:
-    """The initial state of the problem that a target names; empty for a domain. Raises `InvalidInput`."""
-    problem = loaded(find(target)).problem
+    """The initial state of the problem that a target names; empty for a domain, which is not read. Raises `InvalidInput`."""
+    from kb.loader.references import domain_of
+
+    path = find(target)
+    if domain_of(target) == path:
+        return frozenset()
+    from engine.stages.validation.semantics import Semantics
+
+    problem = loaded(path).problem
     return frozenset() if problem is None else Semantics(problem).initial()

@@ -17,6 +17,7 @@ from engine.stages.grounding.limits import size
 from engine.stages.grounding.need import Named, faithful, thinned, without_irrelevant
 from engine.stages.planning import NO_MACROS, Limits, Macros
 from engine.stages.planning import plan as plan_task
+from kb.asp.excerpt import excerpt
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.domain import Operator
 from kb.model.problem import Problem
@@ -65,11 +66,12 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
 
 def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> tuple[Outcome, Task]:
     """The outcome of `plan`, and the ground task. The searches may use `macros` as operators. Raises `InvalidInput`."""
-    outcome, task = searched(problem, limits, macros)
+    few = excerpt(problem)
+    outcome, task = searched(problem, limits, macros, few=few)
     started = time.perf_counter()
     if isinstance(outcome, Found):
         gate = PlanGate()
-        made, wrong = gate.settled(problem, outcome.plan)
+        made, wrong = gate.settled(few if task.whole is False else problem, outcome.plan)
         if wrong and not task.whole:  # what was left out did play a part
             outcome, task = _searched(ground(problem), limits, macros)
             made = gate.accepted(problem, outcome.plan) if isinstance(outcome, Found) else made
@@ -86,15 +88,17 @@ def searched(
     macros: Macros = NO_MACROS,
     statics: Named | None = None,
     proves: bool = True,
+    few: Problem | None = None,
 ) -> tuple[Outcome, Task]:
-    """An outcome that the gate has not seen, and the task that was searched; `statics` are the problem's, if known already.
+    """An outcome that the gate has not seen, and the task that was searched; `statics` are the problem's, and `few` is
+    its excerpt, if known already.
 
     Only what the goals can need is grounded. The whole problem is, if something that was left out might shorten a plan. A
     problem too large for that is planned without it first; unless it `proves`, nobody asks then whether that plan is the
     shortest. Raises `InvalidInput`.
     """
     started = time.perf_counter()
-    small = thinned(problem, statics)
+    small = thinned(problem, statics, few)
     if not small.left_out:
         return _searched(ground(problem), limits, macros, started)
     task = replace(without_irrelevant(ground(small.problem)), whole=False)

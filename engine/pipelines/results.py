@@ -7,7 +7,6 @@ from engine.model.execution import RecordKind
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.planning import problem_of
 from kb.asp import ground_term
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.problem import Problem
 from kb.model.results import Measured, Results, Treated
 from kb.store.journal import Begun, Journal, Line
@@ -25,11 +24,7 @@ def runs_in(store: str) -> tuple[Begun, ...]:
 def results_of(store: str, run: str) -> Results:
     """What a run has given until now. Raises `InvalidInput` if there is no such run, or its target is no longer there."""
     with Journal(store) as journal:
-        begun = journal.run(run)
-        if begun is None:
-            known = [each.run for each in journal.begun()]
-            hint = nearest(run, known) or "`cellwright results` lists the runs of a store"
-            raise InvalidInput([Diagnostic(Source(run), "K421", f"no run of this name in {store}", hint)])
+        begun = journal.known(run)
         about = begun.document
         problem = problem_of(about["target"], about.get("goals", ""), about.get("command", ""))
         return read(begun, problem, journal.lines(run, kinds=KINDS))

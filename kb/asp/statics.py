@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,9 +12,11 @@ from kb.asp import AspError, Grounder, ground_term
 from kb.asp.bounded import TooLarge
 from kb.asp.vocabulary import static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.domain import OBJECT
 from kb.model.problem import Problem
 from kb.model.statement import Sign, Signature, Statement
-from kb.terms import Atom, Function, Number
+from kb.plain_terms import plain_terms
+from kb.terms import ANYTHING, Atom, Function, Number, Variable, variables
 
 SUSPICIOUS = 20_000_000  # instances: what may have more is grounded on trial first
 MANY = 1e18  # instances: more than that is not told apart
@@ -102,7 +104,7 @@ def _is_affordable(text: str) -> bool:
 
 @contextmanager
 def within_limits(suspects: Callable[[], Iterable[Suspect]]) -> Iterator[None]:
-    """A context in which a grounding that is too large is told, with the place of the worst suspect.
+    """A context that reports a grounding that is too large, with the place of the worst suspect.
 
     Raises `InvalidInput`.
     """
@@ -131,9 +133,21 @@ class _Extents:
     """Upper bounds on the number of atoms of each predicate, from what rules make of each other."""
 
     def __init__(self, problem: Problem) -> None:
-        self.objects = float(len(problem.domain.objects) + len(problem.objects))
+        self.domain, self.statics = problem.domain, problem.statics
+        self.ruled = {each.defines for each in self.domain.asp}
+        self.degrees: dict[tuple[Signature, tuple[int, ...]], float] = {}
+        kinds = Counter({**problem.domain.objects, **problem.objects}.values())
+        self.objects = float(kinds.total())
+        self.types = {type_: self._count(type_, kinds) for type_ in problem.domain.types}
         self.facts = Counter((fact.name, len(fact.arguments)) for fact in problem.statics)
         self.made: dict[Signature, float] = dict(self.facts)
+
+    def _count(self, type_: str, kinds: Mapping[str, int]) -> float:
+        """The number of objects of a type; without a bound if terms may be among its values."""
+        subtype = self.domain.is_subtype
+        if any(subtype(function.result, type_) for function in self.domain.functions.values()):
+            return inf
+        return sum(count for kind, count in kinds.items() if subtype(kind, type_))
 
     def grow(self, rules: Iterable[Statement]) -> None:
         """Count what the rules make of what is counted so far."""
@@ -145,8 +159,44 @@ class _Extents:
 
     def of(self, rule: Statement) -> float:
         """An upper bound on the instances of a rule."""
-        read = (self.made.get(use.predicate, self.objects) for use in rule.uses if use.sign is Sign.POSITIVE)
-        return min(_ranges(rule.text) * prod(read), MANY)
+        read = [use.predicate for use in rule.uses if use.sign is Sign.POSITIVE]
+        atoms = [each for part in rule.body for each in plain_terms(part) or () if isinstance(each, Function)]
+        plain = [(atom.name, len(atom.arguments)) for atom in atoms] == read
+        counts = self._joined(atoms) if plain else (self._size(each) for each in read)
+        return min(_ranges(rule.text) * prod(counts), MANY)
+
+    def _size(self, predicate: Signature) -> float:
+        if predicate in self.made:
+            return self.made[predicate]
+        if predicate[0] in self.domain.types:
+            return min(self.types[predicate[0]], self.objects)
+        return self.objects if predicate in self.ruled else 0.0  # nothing says anything of it
+
+    def _joined(self, atoms: Sequence[Atom]) -> Iterator[float]:
+        """For each atom of a body how many of it there can be for one binding of the variables before."""
+        seen = set[Variable]()
+        for atom in atoms:
+            declared = self.domain.predicates.get(atom.name)
+            types = declared.arguments if declared else (OBJECT,) * len(atom.arguments)
+            known, values = list[int](), 1.0
+            for number, (argument, type_) in enumerate(zip(atom.arguments, types, strict=False)):
+                fresh = set(variables(argument)) - seen
+                if not fresh:
+                    known.append(number)
+                elif values:
+                    values *= self.types.get(type_, inf) if isinstance(argument, Variable) else inf
+                seen |= fresh - {ANYTHING}
+            yield min(self._at_most((atom.name, len(atom.arguments)), tuple(known)), values)
+
+    def _at_most(self, predicate: Signature, known: tuple[int, ...]) -> float:
+        """How many atoms of a predicate can agree in the arguments that are known."""
+        if not known or predicate not in self.facts or predicate in self.ruled:
+            return self._size(predicate)
+        if (predicate, known) not in self.degrees:
+            facts = (f.arguments for f in self.statics if (f.name, len(f.arguments)) == predicate)
+            alike = Counter(tuple(arguments[n] for n in known) for arguments in facts)
+            self.degrees[predicate, known] = float(max(alike.values()))
+        return self.degrees[predicate, known]
 
 
 def _ranges(text: str) -> float:

@@ -14,10 +14,10 @@ def static_program(problem: Problem, about: Collection[str] | None = None) -> st
     """ASP text with exactly one model, which holds every static fact.
 
     Constraint n of the domain derives `_violated(n)`. With `about`, the model holds what is true of the predicates that are
-    named there: nothing is said about others, but for those that they rest on.
+    named there: nothing is said about others, except for those that they rest on.
     """
     domain = problem.domain
-    needed = None if about is None else _resting(domain, about)
+    needed = None if about is None else resting(domain, about)
 
     def wanted(name: str) -> bool:
         return needed is None or name in needed
@@ -34,7 +34,7 @@ def static_program(problem: Problem, about: Collection[str] | None = None) -> st
     return "\n".join(lines)
 
 
-def _resting(domain: Domain, about: Collection[str]) -> set[str]:
+def resting(domain: Domain, about: Collection[str]) -> set[str]:
     """Some predicates and all that they rest on, by rules, types and compound terms."""
     used: dict[str, set[str]] = {}
     for type_ in domain.types.values():

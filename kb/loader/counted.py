@@ -6,11 +6,15 @@ from kb.loader.inference import Typing
 from kb.loader.names import Names
 from kb.loader.reader import Expression
 from kb.model.amounts import asks
+from kb.model.conventions import CONVENTIONS
 from kb.model.domain import NUMERIC_TYPES, OBJECT
 from kb.model.motion import DISTANCE
 from kb.terms import Function, Number, Operation, Term, Variable
 
-UNDECLARED = ("travel", DISTANCE)  # what a duration may ask for once a domain declares how an arm moves
+UNDECLARED = (
+    CONVENTIONS["travel"].role,
+    DISTANCE,
+)  # what a duration may ask for once a domain declares how an arm moves
 
 
 @dataclass(frozen=True, slots=True)

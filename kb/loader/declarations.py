@@ -190,16 +190,23 @@ def _read_quantities(reader: Reader, names: Names) -> None:
         signature = _signature(reader, key, names)
         if signature is None or not _is_new_predicate(names, signature, key):
             continue
-        found = re.fullmatch(r"\s*(-?\d+)\s*\.\.\s*(-?\d+)\s*", str(node.value))
-        if found is None or not -LARGEST <= int(found[1]) <= int(found[2]) <= LARGEST:
+        found = re.fullmatch(r"\s*(-?\d+)?\s*\.\.\s*(-?\d+)?\s*", str(node.value))
+        low, high = (int(each) if each else None for each in found.groups()) if found else (1, 0)
+        if (
+            not -LARGEST
+            <= (-LARGEST if low is None else low)
+            <= (LARGEST if high is None else high)
+            <= LARGEST
+        ):
             message = f"'{node.value}' is no range of whole numbers"
-            names.findings.add(node.where, "K113", message, "write the least and the greatest value: 0..5000")
+            hint = "write the least and the greatest value: 0..5000, or one of them: 0.."
+            names.findings.add(node.where, "K113", message, hint)
             names.broken.add(signature.name)
             continue
         arguments = (*(str(argument) for argument in signature.arguments), "int")
         name = signature.name
         names.predicates[name] = Predicate(name, arguments, Kind.FLUENT, None, key.where)
-        names.quantities[name] = Quantity(name, int(found[1]), int(found[2]), key.where)
+        names.quantities[name] = Quantity(name, low, high, key.where)
 
 
 def _is_new_predicate(names: Names, signature: Function, key: Node) -> bool:

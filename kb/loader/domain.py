@@ -5,7 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from kb.commands import check_phrases
-from kb.files import File
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import File, is_there
 from kb.loader.conventions import read_conventions
 from kb.loader.declarations import read_declarations
 from kb.loader.deduction import read_deductive_operators, read_defaults
@@ -62,6 +63,20 @@ def read_domain(path: Path, findings: Findings, rewrite: Rewrite = as_written) -
         if not names.missing & {*re.findall(r"\w+", found.message)}:  # what follows from a missing type
             findings.note(found)
     return with_named_values(domain), names
+
+
+def read_beside(domain: Path, name: str, form: str, what: str) -> tuple[Reader, Domain, Names]:
+    """A file beside a domain file, read in a form of `kb.schema`, with the domain and its names. Raises `InvalidInput`."""
+    path = domain.with_name(name)
+    if not is_there(path):
+        hint = f"write one: `cellwright schema {form}` shows its form"
+        raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"this domain has no {what}", hint)])
+    known, names = read_domain(domain, Findings())
+    reader = Reader.of(read_file(path), Findings())
+    if not validate_shape(reader, form):
+        require(reader.findings)
+    names.findings = reader.findings
+    return reader, known, names
 
 
 def _words(reader: Reader) -> dict[str, tuple[str, ...]]:

@@ -4,12 +4,11 @@ import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import is_there, read_file
-from kb.loader.domain import read_domain
+from kb.diagnostics import Diagnostic, unknown_name
+from kb.loader.domain import read_beside
 from kb.loader.inference import Typing
 from kb.loader.names import Names
-from kb.loader.reader import Expression, Findings, Reader, require, validate_shape
+from kb.loader.reader import Expression, Reader, require
 from kb.loader.tree import Node
 from kb.model.domain import Domain, Kind, Operator
 from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
@@ -21,20 +20,11 @@ _CHANCE = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\s+([0-9](?:\.[0-9]{1,6})?))?")
 
 def load_faults(domain: Path) -> tuple[FaultModel, tuple[Diagnostic, ...]]:
     """The fault base beside a domain file, and warnings. Raises `InvalidInput` with all errors."""
-    path = domain.with_name(FAULTS_FILE)
-    if not is_there(path):
-        hint = "write one: `cellwright schema faults` shows its form"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K405", "this domain has no fault base", hint)])
-    known, names = read_domain(domain, Findings())
-    findings = Findings()
-    reader = Reader.of(read_file(path), findings)
-    if not validate_shape(reader, "faults"):
-        require(findings)
+    reader, known, names = read_beside(domain, FAULTS_FILE, "faults", "fault base")
     reader.time_unit = known.time_unit
-    names.findings = findings
-    model = _FaultReader(reader, known, names).model(str(path))
-    require(findings)
-    return model, findings.warnings()
+    model = _FaultReader(reader, known, names).model(str(domain.with_name(FAULTS_FILE)))
+    require(reader.findings)
+    return model, reader.findings.warnings()
 
 
 class _FaultReader:

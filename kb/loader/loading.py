@@ -1,6 +1,5 @@
 """Domains and problems from files. All errors are collected and raised together as `InvalidInput`."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,12 +9,14 @@ from kb.loader.domain import Rewrite, as_written, read_domain
 from kb.loader.names import Names
 from kb.loader.problem import goal_condition, read_problem
 from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.references import domain_file
+from kb.loader.references import domain_file, domain_of, require_no_other
 from kb.loader.tree import Node
 from kb.model.conditions import TRUE
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.targets import find
+
+__all__ = ["Loaded", "domain_of", "load", "load_domain", "load_problem", "with_goals"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,31 +38,10 @@ def load(path: Path, rewrite: Rewrite = as_written) -> Loaded:
     if isinstance(reader.root.value, dict):
         if "problem" in reader.root.value:
             return _load_problem(reader, findings, rewrite)
-        _require_no_other(path, reader.root.value)
+        require_no_other(path, reader.root.value)
     domain, _ = read_domain(path, findings, rewrite)
     require(findings)
     return Loaded(domain, None, findings.warnings())
-
-
-def _require_no_other(path: Path, root: Mapping[str, object]) -> None:
-    """Report a file of another kind with one message, not with one for each of its keys. Raises `InvalidInput`."""
-    for key, (kind, hint) in _OTHERS.items():
-        if key in root and "domain" not in root:
-            found = f"this is {kind}, not a domain or a problem"
-            raise InvalidInput([Diagnostic(Source(str(path)), "K404", found, hint)])
-
-
-_WITH_ITS_DOMAIN = "name the folder of this file: the file is checked with its domain"
-_OTHERS = {
-    "cell": ("a cell", _WITH_ITS_DOMAIN),
-    "faults": ("a fault base", _WITH_ITS_DOMAIN),
-    "contacts": ("a contact model", _WITH_ITS_DOMAIN),
-    "arm": ("an arm", "name the domain whose cell uses it"),
-    "data": (
-        "an answer",
-        "a plan can be explained (with the number of a step), validated, revised and scheduled",
-    ),
-}
 
 
 def _load_problem(reader: Reader, findings: Findings, rewrite: Rewrite) -> Loaded:
@@ -72,19 +52,6 @@ def _load_problem(reader: Reader, findings: Findings, rewrite: Rewrite) -> Loade
     problem = read_problem(reader, domain, names, findings)
     require(findings)
     return Loaded(domain, problem, findings.warnings())
-
-
-def domain_of(target: str) -> Path:
-    """The domain file of a target, which may be one of its problems. The domain itself is not read. Raises `InvalidInput`."""
-    path, findings = find(target), Findings()
-    reader = Reader.of(read_file(path), findings)
-    if not isinstance(reader.root.value, dict) or "problem" not in reader.root.value:
-        if isinstance(reader.root.value, dict):
-            _require_no_other(path, reader.root.value)
-        return path
-    if not validate_shape(reader, "problem"):
-        require(findings)
-    return domain_file(reader)
 
 
 def load_problem(target: str) -> Problem:

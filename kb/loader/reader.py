@@ -5,8 +5,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from kb.asp import AspError
-from kb.asp.statements import RefusedStatement, statements
 from kb.diagnostics import NOWHERE, Diagnostic, InvalidInput, Source
 from kb.loader.node import MAX_NODES
 from kb.loader.tree import File, Node, read_tree
@@ -181,6 +179,9 @@ class Reader:
 
 def _read_aggregate(text: str, offset: int) -> Statement:
     """What an aggregate of an expression reads, as the constraint that forbids it. Raises `ExpressionError`."""
+    from kb.asp import AspError
+    from kb.asp.statements import RefusedStatement, statements
+
     try:
         (read,) = statements(f":- {text}.", lambda _line, _column: NOWHERE, pools=True)
     except AspError as error:

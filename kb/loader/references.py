@@ -1,19 +1,51 @@
-"""The domain that a problem or plan file names with `domain:`."""
+"""The domain file that a target names, or that a problem or plan file names with `domain:`."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, nearest
-from kb.files import is_file, is_there
-from kb.loader.reader import Reader
-from kb.targets import DOMAIN_FILE, bundled
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.files import is_file, is_there, read_file
+from kb.loader.reader import Findings, Reader, require, validate_shape
+from kb.targets import DOMAIN_FILE, bundled, find
 
 SUFFIXES = (
     ".yaml",
     ".yml",
 )  # messages show lines of the domain, so only files of this kind may be named: no other file is ever shown
 HEAD_BYTES = 65_536  # the part of a file that is searched for its `domain:` line
+_WITH_ITS_DOMAIN = "name the folder of this file: the file is checked with its domain"
+_OTHERS = {
+    "cell": ("a cell", _WITH_ITS_DOMAIN),
+    "faults": ("a fault base", _WITH_ITS_DOMAIN),
+    "contacts": ("a contact model", _WITH_ITS_DOMAIN),
+    "arm": ("an arm", "name the domain whose cell uses it"),
+    "data": (
+        "an answer",
+        "a plan can be explained (with the number of a step), validated, revised and scheduled",
+    ),
+}
+
+
+def domain_of(target: str) -> Path:
+    """The domain file of a target, which may be one of its problems. The domain itself is not read. Raises `InvalidInput`."""
+    path, findings = find(target), Findings()
+    reader = Reader.of(read_file(path), findings)
+    if not isinstance(reader.root.value, dict) or "problem" not in reader.root.value:
+        if isinstance(reader.root.value, dict):
+            require_no_other(path, reader.root.value)
+        return path
+    if not validate_shape(reader, "problem"):
+        require(findings)
+    return domain_file(reader)
+
+
+def require_no_other(path: Path, root: Mapping[str, object]) -> None:
+    """Refuse a file of another kind with one message, not with one for each of its keys. Raises `InvalidInput`."""
+    for key, (kind, hint) in _OTHERS.items():
+        if key in root and "domain" not in root:
+            found = f"this is {kind}, not a domain or a problem"
+            raise InvalidInput([Diagnostic(Source(str(path)), "K404", found, hint)])
 
 
 def domain_file(reader: Reader) -> Path:

@@ -64,11 +64,11 @@ class Predicate:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number that operators change: a fluent whose last argument is its value, from `low` to `high`."""
+    """A number that operators change: a fluent whose last argument is its value, from `low` to `high`; None is no bound."""
 
     name: str
-    low: int
-    high: int
+    low: int | None
+    high: int | None
     where: Source = field(default=NOWHERE, compare=False)
 
 

@@ -92,14 +92,6 @@ def parse_octuple(text: str, classes: Collection[str] = ()) -> Octuple:
     return Octuple(Quadruple(*names[:4]), Quadruple(*names[4:]))
 
 
-def parse_quadruple(text: str) -> Quadruple:
-    """The quadruple in a text. Raises `NotAnOctuple`."""
-    fields = re.split("[:.]", "".join(text.split()))
-    if len(fields) != 4:
-        raise NotAnOctuple(f"{len(fields)} of 4 names: {', '.join(_FIELDS)}")
-    return Quadruple(*(_name(each, n) for n, each in enumerate(fields)))
-
-
 def _name(text: str, place: int) -> str:
     """A name with `_` for the hyphens that the paper also writes."""
     name = text.replace("-", "_")

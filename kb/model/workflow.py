@@ -4,6 +4,10 @@ A stage that is an event is reached by a step with that event. A stage that is a
 holds, by whatever step, or from the start on: what holds already costs nothing. A stage of several fluents
 (`stored(tube) & capped(tube)`) is reached as soon as all of them hold.
 
+A fluent that nothing makes false, such as a measurement, stays. If a step made it true before its turn, its stage would be
+reached later without any step, and the order would be lost. So no step does: such a stage is reached in its turn, or held at
+the start.
+
 Grounding, MACROPs, revision and the checker share these definitions. They differ in how they follow a plan:
 the checker considers every chain that an event can serve, the others take only the first.
 """
@@ -85,6 +89,53 @@ def advanced(
             counts[name] += 1
             left.remove(event)
     return settled(chains, counts, holds), tuple(left)
+
+
+def staying(domain: Domain) -> frozenset[str]:
+    """The fluents that nothing in a domain makes false."""
+    ended = {effect.atom.name for each in domain.operators for effect in each.effects if not effect.adds}
+    ended |= {c.atom.name for each in domain.deductive_operators for c in each.consequences if not c.implied}
+    fluents = {name for name, each in domain.predicates.items() if each.kind is Kind.FLUENT}
+    return frozenset(fluents - ended - domain.quantities.keys())
+
+
+def late_stages(chains: Sequence[Chain], domain: Domain) -> tuple[Atom, ...]:
+    """The stages of fluents that stay which have to wait for other stages, each once."""
+    if not chains:
+        return ()
+    stays = staying(domain)
+    behind = (stage for chain in chains for n, stage in enumerate(chain.stages) if n or chain.after)
+    return tuple(s for s in dict.fromkeys(behind) if all(part.name in stays for part in parts_of(s)))
+
+
+def too_early(late: Sequence[Atom], added: Iterable[Atom], before: Holds, now: Sequence[Atom]) -> Atom | None:
+    """The first stage among `late` that a step completes by adding what belongs to no stage whose turn is `now`; else None.
+
+    `before` is about the state before the step.
+    """
+    for atom in sorted({each for each in added if _is_part(each, late)}, key=str):
+        if not before(atom) and not _is_part(atom, now):
+            found = next((stage for stage in late if _completes(atom, stage, before)), None)
+            if found is not None:
+                return found
+    return None
+
+
+def _is_part(atom: Atom, stages: Iterable[Atom]) -> bool:
+    return any(reaches(atom, part) for stage in stages for part in parts_of(stage))
+
+
+def _completes(atom: Atom, stage: Atom, before: Holds) -> bool:
+    """Whether a stage holds with an atom, and did not without it."""
+    own = [part for part in parts_of(stage) if reaches(atom, part)]
+    others = [part for part in parts_of(stage) if part not in own]
+    return bool(own) and all(map(before, others)) and not all(map(before, own))
+
+
+def in_turn(chains: Sequence[Chain], before: Reached, after: Reached) -> list[Atom]:
+    """The stages whose turn has come when a step has moved chains from one count to another: reached, or waited for."""
+    found = [stage for chain in chains for stage in chain.stages[before[chain.name] : after[chain.name]]]
+    return [*found, *next_stages(chains, after).values()]
 
 
 class State(Protocol):

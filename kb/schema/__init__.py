@@ -2,11 +2,9 @@
 
 from typing import Any
 
-from kb.schema.domain import DomainFile
-from kb.schema.problem import ProblemFile
 from kb.schema.validation import Deviation, deviations, model_of
 
-__all__ = ["KINDS", "Deviation", "DomainFile", "ProblemFile", "deviations", "json_schema"]
+__all__ = ["KINDS", "Deviation", "deviations", "json_schema"]
 
 KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "events")
 

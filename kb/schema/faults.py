@@ -60,15 +60,18 @@ class CauseEntry(Strict):
     stops: Truth = Field(False, description="nothing in the cell can repair it: stop safely and ask a person")
 
 
-class TestEntry(Strict):
-    """A test: its cost and its outcomes."""
-
+class _ActionEntry(Strict):
     say: Say = ""
     cost: Cost
     duration: Duration = None
     preconditions: Needs = None
     by: Step = None
     asks: Asks = False
+
+
+class TestEntry(_ActionEntry):
+    """A test: its cost and its outcomes."""
+
     outcomes: list[str] = Field(min_length=2, max_length=8, description="the possible outcomes")
     otherwise: str = Field(description="the outcome for causes that `gives` does not name")
     gives: dict[str, str] = Field(
@@ -76,15 +79,9 @@ class TestEntry(Strict):
     )
 
 
-class RepairEntry(Strict):
+class RepairEntry(_ActionEntry):
     """A repair: its cost and the causes that it cures."""
 
-    say: Say = ""
-    cost: Cost
-    duration: Duration = None
-    preconditions: Needs = None
-    by: Step = None
-    asks: Asks = False
     cures: list[str] | dict[str, Chance] = Field(description="causes; or cause: probability that it helps")
     adds: Expression | None = Field(None, description="facts that hold afterwards")
     denies: Expression | None = Field(None, description="facts that do not hold afterwards")

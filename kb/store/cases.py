@@ -3,11 +3,9 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 
 from sqlalchemy import (
     Column,
-    Engine,
     Float,
     Integer,
     MetaData,
@@ -21,7 +19,7 @@ from sqlalchemy import (
 )
 
 from kb.store.engines import transaction
-from kb.store.opening import opened
+from kb.store.opening import Database
 
 metadata = MetaData()
 cases = Table(
@@ -51,22 +49,13 @@ class ClosedCase:
     weight: float = 1.0
 
 
-class Cases:
+class Cases(Database):
     """The closed cases in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
 
     def __init__(self, target: str) -> None:
-        self.target = target
-        self._engine: Engine = opened(target, durable=True)
+        super().__init__(target, durable=True)
         with transaction(self._engine, target, writes=True) as connection:
             metadata.create_all(connection)
-
-    def __enter__(self) -> "Cases":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._engine.dispose()
 
     def add(self, closed: Iterable[ClosedCase]) -> None:
         """Store cases."""

@@ -6,12 +6,10 @@ A journal is only appended to. Its lines count from 1 without gaps, so what is m
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Any
 
 from sqlalchemy import (
     Column,
-    Engine,
     Integer,
     MetaData,
     PoolProxiedConnection,
@@ -21,8 +19,9 @@ from sqlalchemy import (
     select,
 )
 
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.store.engines import refusal, transaction
-from kb.store.opening import opened
+from kb.store.opening import Database
 
 metadata = MetaData()
 runs = Table(
@@ -43,6 +42,7 @@ lines = Table(
     sqlite_with_rowid=False,
 )
 PAGE = 5_000  # lines that are read at once
+_encoded = json.JSONEncoder(ensure_ascii=False).encode  # made once: `json.dumps` makes one for each line
 
 
 class JournalFailure(Exception):
@@ -68,29 +68,20 @@ class Begun:
     document: Mapping[str, Any]
 
 
-class Journal:
+class Journal(Database):
     """The journals in a database, given by a file or a URL. Raises `InvalidInput` if the database cannot be opened."""
 
     def __init__(self, target: str) -> None:
-        self.target = target
-        self._engine: Engine = opened(target, durable=True)
+        super().__init__(target, durable=True)
         self._held: PoolProxiedConnection | None = None
         with transaction(self._engine, target, writes=True) as connection:
             metadata.create_all(connection)
-
-    def __enter__(self) -> "Journal":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Give back the connection."""
         if self._held is not None:
             self._held.close()
-        self._engine.dispose()
+        super().close()
 
     def begin(self, run: str, begun: str, document: Mapping[str, Any]) -> bool:
         """Make a journal; False if there is one of this name already."""
@@ -100,6 +91,12 @@ class Journal:
             row = {"run": run, "begun": begun, "document": json.dumps(document, ensure_ascii=False)}
             connection.execute(runs.insert(), [row])
         return True
+
+    def withdraw(self, run: str) -> None:
+        """Take a run off the list if it has no line: it never began."""
+        if not self.last(run):
+            with transaction(self._engine, self.target, writes=True) as connection:
+                connection.execute(runs.delete().where(runs.c.run == run))
 
     def append(self, run: str, group: Sequence[Line]) -> None:
         """Append lines in one transaction, and have them written to the disk. Raises `JournalFailure`."""
@@ -135,6 +132,18 @@ class Journal:
     def run(self, name: str) -> Begun | None:
         """The run of this name; None if there is none."""
         return next((each for each in self.begun() if each.run == name), None)
+
+    def known(self, name: str) -> Begun:
+        """The run of this name. Raises `InvalidInput` if there is none."""
+        found = self.run(name)
+        if found is None:
+            names = [each.run for each in self.begun()]
+            hint = nearest(name, names) or (
+                f"one of: {', '.join(names[-8:])}" if names else "it has no runs yet"
+            )
+            message = f"there is no run of this name in {self.target}"
+            raise InvalidInput([Diagnostic(Source(name), "K421", message, hint)])
+        return found
 
     def begun(self) -> tuple[Begun, ...]:
         """All runs, the oldest first."""
@@ -177,7 +186,7 @@ class Journal:
 
 
 def _row(line: Line) -> tuple[int, int, str, str]:
-    return line.number, line.at_ms, line.kind, json.dumps(line.content, ensure_ascii=False)
+    return line.number, line.at_ms, line.kind, _encoded(line.content)
 
 
 def _content(target: str, text: str) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AbstractContextManager
-from types import TracebackType
 from typing import Any
 
 from sqlalchemy import Connection, Engine, bindparam, delete, func, select
@@ -13,13 +12,13 @@ from kb.model.macro import Macrop
 from kb.store.documents import dumps, loads
 from kb.store.engines import is_writable, refusal, transaction
 from kb.store.notation import NotationError, Requirement
-from kb.store.opening import opened, reading
+from kb.store.opening import Database, reading
 from kb.store.outlines import Outline, SharedTexts, chunks, words_of
 from kb.store.records import Figures, Record, Stored, Use
 from kb.store.schema import depends_text, fingerprint, macrops, outlines, trials, usage, version_of
 
 
-class Library:
+class Library(Database):
     """A library in a database. Every method is one transaction, and raises `InvalidInput` if the database reports an error.
 
     A library that is not `writable` can still be read; then uses are not counted. Beside an answer that matters more
@@ -28,26 +27,14 @@ class Library:
 
     def __init__(self, target: str, beside: bool = False) -> None:
         """Open a library. It is made if it does not exist, and updated to the current schema. `target` is a file or a URL."""
-        self.target, self.beside, self.loss = target, beside, ""
-        self._engine = self._opened()
+        self.beside, self.loss = beside, ""
+        super().__init__(target)
         self.writable = is_writable(self._engine)
         self._shared = SharedTexts()
 
-    def __enter__(self) -> "Library":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close all connections."""
-        self._engine.dispose()
-
-    def _opened(self) -> Engine:
+    def _opened(self, durable: bool) -> Engine:
         try:
-            return opened(self.target)
+            return super()._opened(durable)
         except InvalidInput as error:
             if not self.beside:
                 raise

@@ -4,7 +4,8 @@ import contextlib
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 from sqlalchemy import Engine, event
 from sqlalchemy.exc import SQLAlchemyError
@@ -57,6 +58,32 @@ def opened(target: str, durable: bool = False) -> Engine:
         engine.dispose()
         raise
     return engine
+
+
+class Database:
+    """A database, given by a file or a URL. Its connections are closed at the end of a `with`. Raises `InvalidInput`.
+
+    What is committed survives a loss of power if it is `durable`.
+    """
+
+    def __init__(self, target: str, durable: bool = False) -> None:
+        self.target = target
+        self._engine = self._opened(durable)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._engine.dispose()
+
+    def _opened(self, durable: bool) -> Engine:
+        return opened(self.target, durable)
 
 
 @contextlib.contextmanager

@@ -13,13 +13,14 @@ from sqlalchemy import Connection, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.store.notation import Requirement
+from kb.store.records import Saving
 from kb.store.schema import fingerprint, macrops, outlines, shared, usage
 
 CHUNK = 500  # the number of rows in one statement
 
 
 @dataclass(frozen=True, slots=True)
-class Outline:
+class Outline(Saving):
     """A MACROP of a library without its document.
 
     `requirements` are the conditions of the index, each with its least number; None if they are not computed yet. MACROPs
@@ -37,11 +38,6 @@ class Outline:
     uses: int = 0
     planning_s: float = 0.0
     lookup_s: float = 0.0
-
-    @property
-    def saved_s(self) -> float:
-        """The planning time that it has saved in seconds, minus the time for looking it up."""
-        return self.uses * self.planning_s - self.lookup_s
 
 
 class SharedTexts:

@@ -1,31 +1,18 @@
 """The measurement knowledge base in the same database as the MACROPs: one document for each measurement, tool and station."""
 
 from collections.abc import Mapping
-from types import TracebackType
 
 from sqlalchemy import delete, insert, select
 
 from kb.store.engines import transaction
-from kb.store.opening import opened
+from kb.store.opening import Database
 from kb.store.schema import poses
 
 Key = tuple[str, str, str]  # measurement, tool, station
 
 
-class PoseStore:
+class PoseStore(Database):
     """The kept poses in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
-
-    def __init__(self, target: str) -> None:
-        self.target = target
-        self._engine = opened(target)
-
-    def __enter__(self) -> "PoseStore":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._engine.dispose()
 
     def of(self, domain: str, problem: str) -> dict[Key, str]:
         """The documents of a problem."""

@@ -7,6 +7,20 @@ from kb.model.macro import Macrop
 from kb.store.notation import Requirement
 
 
+class Saving:
+    """What the uses of a MACROP of a library have brought."""
+
+    __slots__ = ()
+    uses: int
+    planning_s: float
+    lookup_s: float
+
+    @property
+    def saved_s(self) -> float:
+        """The planning time that it has saved in seconds, minus the time for looking it up."""
+        return self.uses * self.planning_s - self.lookup_s
+
+
 @dataclass(frozen=True, slots=True)
 class Record:
     """A MACROP to be stored under the signature of its goals. `planning_s` is the planning time when it was learned.
@@ -21,7 +35,7 @@ class Record:
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class Stored(Saving):
     """A MACROP of a library with its number and its uses."""
 
     id: int
@@ -30,11 +44,6 @@ class Stored:
     uses: int = 0
     planning_s: float = 0.0
     lookup_s: float = 0.0
-
-    @property
-    def saved_s(self) -> float:
-        """The planning time that it has saved in seconds, minus the time for looking it up."""
-        return self.uses * self.planning_s - self.lookup_s
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,13 @@ changed since it was read.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.store.engines import refusal, transaction
-from kb.store.opening import opened
+from kb.store.opening import Database
 from kb.store.schema import sequences
 
 
@@ -47,20 +46,11 @@ class SequencePlan:
     version: int = 0
 
 
-class Sequences:
+class Sequences(Database):
     """The sequence plans in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
 
     def __init__(self, target: str) -> None:
-        self.target = target
-        self._engine = opened(target, durable=True)
-
-    def __enter__(self) -> "Sequences":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._engine.dispose()
+        super().__init__(target, durable=True)
 
     def of(self, domain: str, problem: str) -> SequencePlan | None:
         """The plan for a problem; None if none is stored."""

@@ -7,6 +7,7 @@ pytest.importorskip("mujoco")
 from engine.model.outcome import Found
 from engine.pipelines import objective
 from engine.pipelines.gate import PlanGate
+from engine.pipelines.planning import problem_of
 from engine.pipelines.poses.planning import plan_with_poses
 from engine.pipelines.simulator import HiddenCell
 from engine.pipelines.witness.driver import physical
@@ -35,8 +36,36 @@ def test_physics_confirms_a_plan_with_one_probe() -> None:
     assert seen.off_place < 0.005
 
 
-def cell_with(**options: str) -> HiddenCell:
-    return physical(DriverSetup(load_problem("themse/one"), options=options)).cell
+@pytest.mark.slow
+def test_physics_confirms_an_inspection_with_both_tools_from_three_stations() -> None:
+    cell = cell_of("bulkhead/three_stations")
+    made = plan_with_poses(
+        problem_of("bulkhead/three_stations"),
+        cell,
+        geometry_backend(),
+        lambda each: objective.plan(each, Limits()),
+    ).moving
+    assert isinstance(made.run.outcome, Found)
+    seen = played(PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps)
+    assert seen.touched == ()
+    assert seen.off_tip_m < 0.002
+    assert seen.off_place < 0.002
+    assert seen.off_m["slra"] < 0.001
+
+
+def cell_with(problem: str = "themse/one", **options: str) -> HiddenCell:
+    return physical(DriverSetup(load_problem(problem), options=options)).cell
+
+
+def test_a_tool_that_sticks_in_the_hand_is_not_put_down_until_that_is_mended() -> None:
+    cell = cell_with("bulkhead/both_tools", stick="us_probe")
+    there = ["move_retract(t3_746, m1)", "move(t3_746, meas(m1), rack(us_probe))"]
+    assert [cell.take(step, "done") for step in there] == ["done", "done"]
+    assert cell.take("put_down(t3_746, us_probe)", "done") == "held"
+    assert "holding(t3_746, us_probe)" in set(map(str, cell.world.facts))
+    assert cell.answer("wait_for_pressure") == CURED
+    assert cell.take("put_down(t3_746, us_probe)", "done") == "done"
+    assert "location(us_probe, t3_746, in_rack)" in set(map(str, cell.world.facts))
 
 
 @pytest.mark.slow

@@ -26,6 +26,17 @@ def test_every_body_is_in_the_model_and_both_fingers_are_driven(world: World) ->
     assert "drawer" not in driven
 
 
+def test_an_arm_rides_on_its_carriage_and_its_tools_hang_free_in_their_rack() -> None:
+    world = World.of(cell_of("bulkhead/one_point"))
+    model = ET.fromstring(written(world))
+    carriage = next(each for each in model.iter("body") if each.get("name") == "carriage")
+    inside = {each.get("name") for each in carriage.iter("body")}
+    assert {"t3_746.flange", "tool_rack"} <= inside
+    assert not {"us_probe", "slra"} & inside
+    assert {each.get("body2") for each in model.iter("weld")} == {"tool_rack"}
+    assert "carriage" in {each.get("joint") for each in model.iter("position")}
+
+
 def test_parts_stay_where_they_stand(world: World) -> None:
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string(written(world))

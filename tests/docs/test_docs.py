@@ -4,6 +4,7 @@ import contextlib
 import re
 import shlex
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -66,10 +67,10 @@ LONG = (
 )
 
 
-def written() -> list[str]:
-    """Every command line: indented, or between backquotes; a quoted text may go on in the next line."""
+def written(pages: Iterable[str]) -> list[str]:
+    """Every command line of pages: indented, or between backquotes; a quoted text may go on in the next line."""
     found: dict[str, None] = {}
-    for page in PAGES.values():
+    for page in pages:
         indented = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)$', page, re.MULTILINE)
         inline = re.findall(
             r"(?<!`)`(cellwright [^`]*)`", re.sub(r"^```.*?^```", "", page, flags=re.M | re.S)
@@ -125,16 +126,17 @@ def filled(line: str) -> str:
 
 
 def timed(line: str) -> object:
-    """A command line to run; it is slow if it does much: a whole cell, a long plan, an assembly, an arm in every step."""
-    slow = any(part in line for part in LONG)
+    """A command line to run. Quick are those of README that do little: no long plan, no assembly, no arm in every step."""
+    slow = line not in QUICK or any(part in line for part in LONG)
     return pytest.param(line, marks=pytest.mark.slow) if slow else line
 
 
+QUICK = set(written([README]))
 EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', README, re.M | re.S)
 SHOWN = {line for line, _ in EXAMPLES}  # these are run where what they print is read, too
 
 
-@pytest.mark.parametrize("line", [timed(each) for each in written() if each not in SHOWN])
+@pytest.mark.parametrize("line", [timed(each) for each in written(PAGES.values()) if each not in SHOWN])
 @pytest.mark.usefixtures("desk")
 def test_a_command_line_runs(line: str) -> None:
     result = run(filled(line))
@@ -145,7 +147,7 @@ def test_a_command_line_runs(line: str) -> None:
 
 
 def test_there_are_command_lines() -> None:
-    assert len(written()) >= 15
+    assert len(QUICK) >= 15
 
 
 def test_every_verb_is_in_the_table_of_commands_and_no_other() -> None:
@@ -168,7 +170,12 @@ def test_every_exit_code_is_in_the_table_and_no_other() -> None:
     assert table == known
 
 
-@pytest.mark.parametrize(("line", "shown"), EXAMPLES)
+def of_a_kind(line: str, shown: str) -> object:
+    """An example; a long search for a reason is slow."""
+    return pytest.param(line, shown, marks=[pytest.mark.slow] if " explain " in line else [], id=line)
+
+
+@pytest.mark.parametrize(("line", "shown"), [of_a_kind(*each) for each in EXAMPLES])
 def test_what_the_readme_shows_is_what_is_printed(line: str, shown: str) -> None:
     printed = [each.rstrip() for each in run(line).stdout.splitlines()]
     assert printed == shown.splitlines()

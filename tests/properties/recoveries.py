@@ -11,7 +11,6 @@ from engine.model.troubleshooting import Action, Advice
 from engine.pipelines import planning
 from engine.pipelines.barring import barred
 from engine.pipelines.revision import remaining
-from engine.pipelines.simulation import TrueWorld
 from engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
 from engine.pipelines.troubleshooting.beliefs import Beliefs
 from engine.pipelines.troubleshooting.findings import Findings
@@ -29,6 +28,7 @@ from kb.model.problem import Problem
 from kb.model.workflow import lasting
 from kb.terms import ANYTHING, Atom, Function
 from tests.places import BUNDLED
+from tests.properties.true_world import TrueWorld
 
 
 @dataclass(frozen=True)

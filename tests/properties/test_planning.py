@@ -8,9 +8,11 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from engine.model.outcome import Found, Infeasible
-from engine.model.task import progress, regress
+from engine.model.task import progress
 from engine.pipelines import planning
 from engine.stages.grounding import ground
+from engine.stages.planning.regression.mutexes import mutexes
+from engine.stages.planning.regression.space import Backward, Regression
 from engine.stages.validation import validate
 from engine.stages.validation.datalog import holds
 from engine.stages.validation.semantics import Semantics
@@ -117,12 +119,13 @@ def test_regressed_goals_suffice_for_the_goals(problem: Problem, data: st.DataOb
         assume(False)
     plain = [operator for operator in task.operators if not operator.conditional]
     assume(plain)
-    operator = data.draw(st.sampled_from(plain))
-    goals = data.draw(st.integers(0, (1 << len(task.atoms)) - 1)) | operator.adds
-    needed = regress(goals, operator)
-    if needed is not None:
-        extra = data.draw(st.integers(0, (1 << len(task.atoms)) - 1))
-        assert goals & ~progress(needed | extra, operator) == 0
+    space = Backward(Regression(plain, task.weights, mutexes(task)), task.initial)
+    some = st.integers(0, (1 << len(task.atoms)) - 1)
+    root = space.root(data.draw(some) | data.draw(st.sampled_from(plain)).adds)
+    for each in space.successors(root) if root else ():
+        reached = progress(each.open | data.draw(some), plain[each.operator])
+        assert root is not None
+        assert root.open & ~reached == 0
 
 
 @given(FAMILIES)

@@ -178,32 +178,33 @@ def motion_travel(
     give(lambda: table(target, tool, tuple(place or ()), format is TableForm.FACTS), form)
 
 
+Played = Annotated[str, typer.Argument(metavar="TARGET", help="what `plan` takes; leave it out with --run")]
+Film = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", help="FILE.gltf for a scene that moves, FILE.png for numbered pictures"),
+]
+RunName = Annotated[str, typer.Option("--run", help="play this run from its journal")]
+Journals = Annotated[
+    str,
+    typer.Option(
+        "--store", envvar="CELLWRIGHT_STORE", help="with --run: the journal; else where poses are kept"
+    ),
+]
+Every = Annotated[
+    float,
+    typer.Option(
+        min=0, max=3600, callback=number, help="seconds between two shots; 0: 0.1, or 1 for pictures"
+    ),
+]
+
+
 @app.command("play")
 def motion_play(
-    target: Annotated[str, typer.Argument(help="what `plan` takes; leave it out with --run")] = "",
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", help="FILE.gltf for a scene that moves, FILE.png for numbered pictures"
-        ),
-    ] = None,
-    run: Annotated[str, typer.Option("--run", help="play this run from its journal")] = "",
-    store: Annotated[
-        str,
-        typer.Option(
-            "--store", envvar="CELLWRIGHT_STORE", help="with --run: the journal; else where poses are kept"
-        ),
-    ] = "",
-    every: Annotated[
-        float,
-        typer.Option(
-            "--every",
-            min=0,
-            max=3600,
-            callback=number,
-            help="seconds between two shots; 0: 0.1, or 1 for pictures",
-        ),
-    ] = 0.0,
+    target: Played = "",
+    output: Film = None,
+    run: RunName = "",
+    store: Journals = "",
+    every: Every = 0.0,
     azimuth: Azimuth = -140.0,
     elevation: Elevation = 30.0,
     seed: Seed = 0,
@@ -214,11 +215,8 @@ def motion_play(
         raise typer.BadParameter("give a target, or a run with --run")
     if output is None or output.suffix not in (".gltf", ".png"):
         raise typer.BadParameter("give -o FILE.gltf or -o FILE.png")
-    seen, pace = (
-        (math.radians(azimuth), math.radians(elevation)),
-        every or (1.0 if output.suffix == ".png" else 0.1),
-    )
-    file = output
+    seen, file = (math.radians(azimuth), math.radians(elevation)), output
+    pace = every or (1.0 if file.suffix == ".png" else 0.1)
 
     def played() -> Answer:
         from engine.faces.cli import motion_play as films

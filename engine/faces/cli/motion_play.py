@@ -52,19 +52,11 @@ def film_of_run(
     from engine.pipelines.moves.walking import Walk
     from engine.pipelines.planning import problem_of
     from engine.plugins import geometry_backend
-    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
     from kb.loader.cell import cell_of
     from kb.store.journal import Journal
 
     with Journal(store) as journal:
-        known = journal.run(run)
-        if known is None:
-            names = [each.run for each in journal.begun()]
-            hint = nearest(run, names) or (
-                f"one of: {', '.join(names[-8:])}" if names else "there is none yet"
-            )
-            raise InvalidInput([Diagnostic(Source(run), "K421", "there is no run of this name", hint)])
-        about: Any = known.document
+        about: Any = journal.known(run).document
         problem: Problem = problem_of(str(about["target"]), str(about["goals"]), str(about["command"]))
         cell: Cell = cell_of(str(about["target"]))
         semantics = PlanGate().semantics(problem)

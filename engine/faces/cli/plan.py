@@ -9,7 +9,7 @@ import typer
 
 from engine.faces.cli import plan_forms
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.exits import INTERRUPTED, exit_code
+from engine.faces.cli.exits import FINDINGS, INTERRUPTED, exit_code
 from engine.faces.cli.options import (
     Anytime,
     Command,
@@ -193,12 +193,13 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
     with Interruption(work.seconds) as interrupted:
         made = _made(wanted, work, interrupted)
     outcome = made.run.outcome
+    code = exit_code(outcome) or (FINDINGS if made.moving and made.moving.given_up else 0)
     return Answer(
         json.status(outcome),
         plan_forms.document(made, stats) if form is PlanForm.JSON else {},
         text=lambda: plan_forms.text(made, stats, work.folded),
-        code=INTERRUPTED if interrupted.heard else exit_code(outcome),
-        diagnostics=losses(made.origin, work.store),
+        code=INTERRUPTED if interrupted.heard else code,
+        diagnostics=(*losses(made.origin, work.store), *(made.task.warnings if made.task else ())),
         raw=plan_forms.raw(made, form),
     )
 

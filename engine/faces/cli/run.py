@@ -1,7 +1,7 @@
 """`cellwright run` and `cellwright resume`: carry out a plan in a cell, real or simulated, to the end."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +14,7 @@ from engine.faces.cli.supervision import Watching
 
 if TYPE_CHECKING:
     from engine.model.execution import Finish
+    from engine.pipelines.execution import Wanted
     from engine.pipelines.moves.planning import Moving
     from engine.stages.planning import Limits
     from kb.model.problem import Problem
@@ -92,7 +93,7 @@ def run(
     asked = Asked(target, goals, command, driver, store, name, factor, seed, approve, expansions, motion)
     if events == "-" and format is Form.JSON:
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
-    give(lambda: _run(asked, fault or [], option or [], events, watch), format)
+    give(lambda: _run(asked, fault or [], option or [], events, watch, format), format)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,10 +122,11 @@ def default_store() -> str:
     return str(state / "cellwright" / "runs.db")
 
 
-def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool) -> Answer:
-    from engine.pipelines.execution import Wanted, begin, named
+def _run(
+    asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool, format: Form
+) -> Answer:
+    from engine.pipelines.execution import Wanted, listed
     from engine.pipelines.planning import problem_of
-    from engine.stages.planning import Limits
 
     problem = problem_of(asked.target, asked.goals, asked.command)
     store = asked.store or default_store()
@@ -133,21 +135,40 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
         asked.target, asked.goals, asked.command, asked.driver, store, asked.name, asked.seed, asked.factor, given,
         asked.approve,
     )  # fmt: skip
-    wanted = named(wanted, problem)
+    with listed(wanted, problem) as entered:
+        return _carried_out(entered, asked, problem, events, shown, format)
+
+
+def _carried_out(
+    wanted: "Wanted", asked: Asked, problem: "Problem", events: str, shown: bool, format: Form
+) -> Answer:
+    from engine.pipelines.execution import Scope, begin
+    from engine.stages.planning import Limits
+
     if shown:
         from engine.faces.cli.terminal import say
         from engine.formats.report.narration import understood
 
         say("\n".join(understood(problem)) + "\n")
-    limits, table = Limits(asked.expansions, seed=asked.seed), None
+    limits, table, scope = Limits(asked.expansions, seed=asked.seed), None, None
     if asked.motion:
         moving = _moving(asked, problem, limits, wanted.store)
-        problem, table = moving.problem, moving.run.timetable
+        table, scope = moving.run.timetable, Scope(moving.problem, moving.given_up)
+        problem = replace(moving.problem, goal=problem.goal, chains=problem.chains)
         if table is None:
             return answer_of(moving.run.outcome, wanted.store, events == "-")
+        _tell(moving, quiet=events == "-" or format is Form.JSON)
     with Watching(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
-        ending = begin(wanted, problem, watch.channel, watch.watchers, limits, table=table)
+        ending = begin(wanted, problem, watch.channel, watch.watchers, limits, table=table, scope=scope)
     return answer_of(ending, wanted.store, events == "-")
+
+
+def _tell(moving: "Moving", quiet: bool) -> None:
+    """Say, before anything moves, which goals are given up, and why."""
+    from engine.faces.cli.terminal import say
+
+    if moving.given_up and not quiet:
+        say("\n".join(f"given up: {each.goal}: {each.why}" for each in moving.given_up) + "\n")
 
 
 def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "Moving":

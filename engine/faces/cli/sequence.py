@@ -1,5 +1,6 @@
 """`cellwright sequence`: the cheapest order of visits."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -36,6 +37,7 @@ class TravelCost(StrEnum):
 
 
 NEWS = ("--done", "--lost", "--bad", "--restored")
+WISHES = ("--window", "--lasts", "--before")
 TourOf = Annotated[
     str, typer.Argument(metavar="TARGET", help="a TSPLIB file, or a problem with points to be measured")
 ]
@@ -107,25 +109,33 @@ def sequence(
     """Print the best order found for the visits of TARGET, with a lower bound on the cost of any order."""
     back = _returns(closed, open_)
     news = (done or [], lost or [], bad or [], restored or [])
+    wanted = (window or [], lasts or [], before or [])
     kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
     given = {"--closed": closed, "--start": start, "--end": end, "--format svg": format is TourForm.SVG}
-    wanted = (window or [], lasts or [], before or [])
-    given |= dict(zip(("--window", "--lasts", "--before"), map(bool, wanted), strict=True))
-    given["--method"] = "" if method == "auto" else method
+    given |= {**dict(zip(WISHES, wanted, strict=True)), "--method": method != "auto"}
+    _refuse_misfits(given, kept, open_, cost, store)
     form, effort = Form.JSON if format is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
-    joints = cost is not TravelCost.STRAIGHT
     if store:
-        refuse_idle(
-            {**given, "--cost": joints}, "with --store: a kept sequence is open and counts straight lines"
-        )
         from engine.faces.cli.kept_sequence import carried_on
 
         give(lambda: carried_on(_problem_of(target), store, news, effort, next_, anew), form)
+    if cost is not TravelCost.STRAIGHT:
+        give(lambda: _of_arm(target, cost, effort), form)
+    give(lambda: _sequence(target, method, (back, start, end), wanted, effort, format), form)
+
+
+def _refuse_misfits(
+    given: Mapping[str, object], kept: Mapping[str, object], open_: bool, cost: TravelCost, store: str
+) -> None:
+    """Refuse options of other ways to make a sequence: `kept` need --store, `given` and --cost do without it."""
+    joints = cost is not TravelCost.STRAIGHT
+    if store:
+        why = "with --store: a kept sequence is open and counts straight lines"
+        refuse_idle({**given, "--cost": joints}, why)
+        return
     refuse_idle(kept, "without --store: only a kept sequence can be continued")
     if joints:
         refuse_idle({**given, "--open": open_}, f"with --cost {cost}, whose tours are closed")
-        give(lambda: _of_arm(target, cost, effort), form)
-    give(lambda: _sequence(target, method, (back, start, end), wanted, effort, format), form)
 
 
 def _returns(closed: bool, open_: bool) -> bool | None:

@@ -9,7 +9,6 @@ from engine.faces.monitor.keeping import Kept
 from engine.formats.report.narration import narrated
 from engine.formats.report.standing import Standing
 from engine.model.execution import CommandKind, Phase, Record, RecordKind
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.store.journal import Begun, Journal, Line
 
 KEPT = 2000  # records at least between two states that are kept for going back
@@ -122,17 +121,10 @@ class Follower:
 
     def __init__(self, store: str, run: str, initial: Sequence[str] = ()) -> None:
         with Journal(store) as journal:
-            begun = journal.begun()
-        if not any(each.run == run for each in begun):
-            hint = (
-                nearest(run, [each.run for each in begun]) or "`cellwright results` lists the runs of a store"
-            )
-            said = f"no run of this name in {store}"
-            raise InvalidInput([Diagnostic(Source(run), "K421", said, hint)])
+            self.about: Mapping[str, Any] = journal.known(run).document
         self.store, self.run = store, run
         self.records = Kept(self._read)
         self._exceptions: list[int] = []
-        self.about: Mapping[str, Any] = next(each.document for each in begun if each.run == run)
         self._ends: dict[int, int] = {}
         self.latest = Watched(run, holds=dict.fromkeys(initial, 0))
         self._kept, self._apart = [self.latest.copied()], KEPT

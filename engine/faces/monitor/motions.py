@@ -11,7 +11,7 @@ from engine.faces.monitor.following import Follower
 from engine.pipelines.execution.retracing import Retracing, Taken
 from kb.diagnostics import InvalidInput
 
-BATCH_S = 1.0  # after so long, what has been found is told
+BATCH_S = 1.0  # how long is searched before the page gets what was found
 KNOWN = 4  # runs whose motions a process goes on with
 Target = tuple[str, str, str]  # target, goals, command, as a run was begun with
 

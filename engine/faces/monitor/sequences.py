@@ -12,8 +12,10 @@ from engine.faces.monitor.motions import Target
 from engine.formats.report.tour_svg import picture
 from engine.model.measurements import measurements_of
 from engine.model.tour import Tour, TourProblem, Visit
+from engine.pipelines.execution.records import read_atom
 from kb.diagnostics import InvalidInput
 from kb.loader.cell import cell_of
+from kb.model.conventions import Conventions
 from kb.model.problem import Problem
 from kb.terms import Number
 
@@ -25,14 +27,15 @@ Spot = tuple[float, float, float]
 
 def sequence_picture(target: Target, plan: dict[str, Any]) -> str | None:
     """The SVG; None if the plan measures nothing whose place is known."""
-    spots = _spots(target)
+    words, spots = _measured_places(target)
     visits = []
     steps = {each["id"]: each for each in plan.get("steps", ())}
     for number in plan.get("order", ()):
         step = steps[number]
-        for name, at in spots.items():
-            if any(_measured(fact, name) for fact in step.get("adds", ())):
-                visits.append(Visit(name, at, _tool(step, name)))
+        for fact in map(read_atom, step.get("adds", ())):
+            if fact.name == words.measured and (place := str(fact.arguments[-1])) in spots:
+                name, at = spots[place]
+                visits.append(Visit(name, at, str(fact.arguments[0])))
     if len(visits) < 2:
         return None
     order, ways = tuple(range(len(visits))), np.zeros((len(visits), len(visits)), dtype=np.int64)
@@ -51,25 +54,17 @@ def pickable(drawn: str, chosen: str) -> str:
     return VISIT.sub(step, drawn)
 
 
-def _measured(fact: str, name: str) -> bool:
-    return fact.startswith("measured(") and f"meas({name})" in fact
-
-
-def _tool(step: dict[str, Any], name: str) -> str:
-    fact = next(each for each in step["adds"] if _measured(each, name))
-    return str(fact.partition("(")[2].partition(",")[0])
-
-
 @lru_cache(16)
-def _spots(target: Target) -> dict[str, Spot]:
-    """Where each measurement is, in metres; as the problem says, else as the cell does."""
+def _measured_places(target: Target) -> tuple[Conventions, dict[str, tuple[str, Spot]]]:
+    """The domain's words; and for each place the measurement that is made there, with its point in metres."""
     from engine.pipelines.planning import problem_of
 
     try:
         problem = problem_of(*target)
     except InvalidInput:
-        return {}
-    return {**_of_cell(problem, target[0]), **_of_problem(problem)}
+        return Conventions(), {}
+    words, spots = problem.domain.conventions, {**_of_cell(problem, target[0]), **_of_problem(problem)}
+    return words, {words.place(name): (name, at) for name, at in spots.items()}
 
 
 def _of_problem(problem: Problem) -> dict[str, Spot]:

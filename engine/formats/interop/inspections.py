@@ -6,7 +6,6 @@ from pathlib import Path
 
 from engine.formats.interop import editing
 from engine.formats.interop.measurements import all_facts, names, problem_text
-from engine.formats.interop.qif import inspection_of
 from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.model.measurements import measurements_of
@@ -56,6 +55,8 @@ def _attainable(facts: Iterable[Function], possible: Collection[str], domain: Do
 def _read(path: Path, unit: str, edge: float | None) -> Inspection:
     if path.suffix.lower() == ".csv":
         return read_table(path, unit)
+    from engine.formats.interop.qif import inspection_of  # geometry: slow to import, and no table needs it
+
     metres = unit_m(unit)
     return inspection_of(path, metres, None if edge is None else edge * metres)
 

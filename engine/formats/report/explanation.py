@@ -33,7 +33,12 @@ def explanation(found: Explanation) -> Text:
         lines += ["These goals cannot be reached together, though any fewer of them can:"]
         lines += [f"  {goal}" for goal in found.goals]
     lines += [f"  because {exclusion}" for exclusion in found.exclusions]
-    if not found.changes:
+    lines += [f"  {gap}" for gap in found.gaps]
+    if found.gaps:
+        lines.append(
+            "An operator is missing, or its constraints never hold: no change of one fact would help."
+        )
+    elif not any(change.edits for change in found.changes):
         lines.append("No change of one fact would help, and none of two or three facts was found.")
     for number, change in enumerate(found.changes):
         lines.append(f"There is a plan of {change.proof} steps {said(change)}")
@@ -65,6 +70,7 @@ def explanation_entry(found: Explanation) -> dict[str, Any]:
         "exclusions": list(found.exclusions),
         "reason": found.reason,
         "untried": found.untried,
+        "gaps": list(found.gaps),
         "changes": [
             {
                 "kind": change.kind,

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def text(moving: "Moving") -> "list[RenderableType]":
-    """A table of the motions, and what had none."""
+    """A table of the motions, what had none, and the goals that are given up."""
     from rich.table import Table
     from rich.text import Text
 
@@ -23,6 +23,7 @@ def text(moving: "Moving") -> "list[RenderableType]":
         found += [table, Text(_proof(moving.steps))]
     for refused in moving.refused:
         found.append(Text(f"{refused.operator} was left out: it has no motion, {_where(refused)}"))
+    found += [Text(f"{each.goal} is given up: {each.why}") for each in moving.given_up]
     return found
 
 
@@ -62,6 +63,7 @@ def entry(moving: "Moving") -> dict[str, Any]:
             }
             for each in moving.refused
         ],
+        "given_up": [{"goal": each.goal, "why": each.why} for each in moving.given_up],
     }
 
 

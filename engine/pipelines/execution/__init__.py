@@ -5,8 +5,21 @@ person can do at a pause.
 """
 
 from engine.model.execution import Finish
-from engine.pipelines.execution.begin import Wanted, begin, named, resume
+from engine.pipelines.execution.begin import Wanted, begin, listed, named, resume
 from engine.pipelines.execution.orders import Given, Orders, Timed
 from engine.pipelines.execution.running import Execution
+from engine.pipelines.execution.scope import Scope
 
-__all__ = ["Execution", "Finish", "Given", "Orders", "Timed", "Wanted", "begin", "named", "resume"]
+__all__ = [
+    "Execution",
+    "Finish",
+    "Given",
+    "Orders",
+    "Scope",
+    "Timed",
+    "Wanted",
+    "begin",
+    "listed",
+    "named",
+    "resume",
+]

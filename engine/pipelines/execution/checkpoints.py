@@ -1,27 +1,61 @@
-"""Checkpoints: records from which a run is taken up without reading what was written before them."""
+"""Checkpoints: records from which a run is taken up without reading what was written before them.
+
+A checkpoint says how far the plan is. When half of the steps are done that the journal holds of a long plan, the checkpoint holds
+those that are left, so what has to be read depends on what is left to do, not on how long the journal is. What was done
+before, and may matter to the fault base, is in the chain of the checkpoints.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 from engine.model.execution import Record, RecordKind
+from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.records import read_atom
+from engine.pipelines.execution.records import compiled_of, read_atom, steps_entry
 from engine.pipelines.execution.resuming import Past
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import Achievement, World
+from engine.pipelines.simulation.world import achievement
 from kb.store.journal import Journal, Line
+
+LONG = 1_000  # steps of a plan that is written anew when half of it is done
 
 
 def state_of(course: Progress) -> dict[str, Any]:
-    """What a checkpoint holds of a program on its way. The plan stays in its own record."""
+    """What a checkpoint holds of a program on its way. Short plans stay in their own record."""
+    held, standing = course.written, course.standing
     return {
         "facts": sorted(map(str, course.world.facts)),
         "reached": dict(course.world.reached),
-        "plan": course.plan_number,
-        "done": [list(each) for each in ranges(course.done)],
+        "plan": held.number,
+        "done": [list(each) for each in ranges(held.done)],
+        "ended": [
+            [dwell.source, until - dwell.most_ms]
+            for dwell, until in standing.dwelling.items()
+            if dwell.source in held.done
+        ],
         "sent": [[entry, at_ms] for entry, at_ms in course.sent.values()],
-        "number": course.standing.number,
+        "number": standing.number,
         "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
+        "before": held.checkpoint,
+        "history": [_work_entry(each) for each in course.history[held.history :]],
+        **({"rest": _rest(course)} if 2 * len(held.done) >= held.steps >= LONG else {}),
     }
+
+
+def _rest(course: Progress) -> dict[str, Any]:
+    """What is left of the plan, as the record of a plan has it, and the number of the record that has all of it."""
+    ended = {
+        dwell.source: until - dwell.most_ms
+        for dwell, until in course.standing.dwelling.items()
+        if dwell.source in course.done
+    }
+    head = {"whole": course.written.number, **course.written.head}
+    return {**head, **steps_entry(course.compiled, course.done, ended)}
+
+
+def _work_entry(work: Achievement) -> list[Any]:
+    return [str(work.step), [*map(str, work.added)], [[chain, n, str(atom)] for chain, n, atom in work.moved]]
 
 
 def ranges(numbers: Iterable[int]) -> Iterator[tuple[int, int]]:
@@ -38,34 +72,66 @@ def ranges(numbers: Iterable[int]) -> Iterator[tuple[int, int]]:
         yield first, last
 
 
-def past_of(journal: Journal, run: str, past: Past, keeps_history: bool) -> Past:
+def past_of(journal: Journal, run: str, past: Past) -> Past:
     """What the journal says of a run, from its last checkpoint on if it has one."""
     number = journal.last(run, RecordKind.CHECKPOINT.value)
-    state = _line(journal, run, number).content["state"] if number else {}
-    if state.get("added"):
-        number = 0  # a further command changes what the plans before it are for: all is read
     if number:
-        for each in (1, state["plan"]):
-            past.take(_record(_line(journal, run, each)))
-        if keeps_history:
-            for line in journal.lines(run, kinds=["done"]):
-                if line.number < number:
-                    past.did(_record(line))
-        _restore(past, state)
-    for line in journal.lines(run, max(0, number - 1)):
+        past.take(_record(_line(journal, run, 1)))
+        _restore(past, journal, run, number)
+    for line in journal.lines(run, number):
         past.take(_record(line))
     return past
 
 
-def _restore(past: Past, state: Mapping[str, Any]) -> None:
+def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
+    line = _line(journal, run, number)
+    state = line.content["state"]
+    for each in state["additions"]:
+        past.extend(each)
+    held = number if "rest" in state else state["plan"]
+    content = _plan(_line(journal, run, held))
+    past.follow(content, held)
+    if "whole" in content:
+        past.entire = partial(_whole, journal, run, content["whole"])
     facts = {read_atom(each) for each in state["facts"]}
     past.world = World(past.scope.problem.chains, facts, dict(state["reached"]))
     past.done = {step: 0 for first, last in state["done"] for step in range(first, last + 1)}
+    past.done = {} if "rest" in state else past.done | dict(state["ended"])
     past.sent = {entry["command"]: (entry, at_ms) for entry, at_ms in state["sent"]}
-    past.since = {read_atom(atom): at_ms for atom, at_ms in state.get("since", ())}
+    past.since = {read_atom(atom): at_ms for atom, at_ms in state["since"]}
     past.cases = {(exception, step): count for exception, step, count in state["cases"]}
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]
+    if "rest" in state:
+        past.steps += sum(last + 1 - first for first, last in state["done"])
+    past.last = past.checkpoint = number
+    past.at_ms = line.at_ms
+    past.history = _history(journal, run, number)
+    past.told = len(past.history)
+
+
+def _plan(line: Line) -> Mapping[str, Any]:
+    """The plan that a record holds: all of it, or what was left of it at a checkpoint."""
+    found: Mapping[str, Any] = line.content["state"]["rest"] if line.kind == "checkpoint" else line.content
+    return found
+
+
+def _whole(journal: Journal, run: str, number: int) -> Compiled:
+    return compiled_of(_line(journal, run, number).content)
+
+
+def _history(journal: Journal, run: str, number: int) -> list[Achievement]:
+    """What was done until a checkpoint that may matter to the fault base, in order."""
+    parts = []
+    while number:
+        state = _line(journal, run, number).content["state"]
+        parts.append(state["history"])
+        number = state["before"]
+    found = list[Achievement]()
+    for step, added, moved in (each for part in reversed(parts) for each in part):
+        moves = [(chain, n, read_atom(atom)) for chain, n, atom in moved]
+        found.append(achievement(len(found) + 1, read_atom(step), map(read_atom, added), moves))
+    return found
 
 
 def _line(journal: Journal, run: str, number: int) -> Line:

@@ -1,9 +1,9 @@
-"""Late choice: which of several equal objects, depots or tools serves is decided when waiting would begin otherwise.
+"""Late choice: which of several equal objects, depots or tools is used is decided only when the run would have to wait.
 
-A plan names them all, because a plan has to be checked. When nothing can begin and something is waited for that goes on
-without a hand, the roles of what is busy and of what is free are exchanged in the steps that have not begun, if all is
-done sooner then (after Fox and Kempf 1985). What is equal need not be declared: terms are exchanged whose facts and goals
-correspond, and the exchanged plan passes the gate like every plan.
+A plan names them all, because a plan has to be checked. When nothing can begin, and the run waits for
+something that needs no hand, what is busy and what is free exchange their roles in the steps that have not begun, if the
+run ends sooner then (after Fox and Kempf 1985). Nobody has to declare what is equal: terms are exchanged if their facts
+and goals correspond, and the exchanged plan passes the gate like every plan.
 """
 
 from collections import defaultdict

@@ -73,35 +73,42 @@ def compiled(
     hands = hands_of(problem, ordered)
     activities, expects, results = {}, {}, {}
     for step in sorted(ordered, key=lambda each: starts[each.id]):
-        number = int(step.id)
-        command = _command(operators.get(step.operator.name), step)
+        number, operator = int(step.id), operators.get(step.operator.name)
+        command = _command(operator, step)
         expects[number] = command.reply
         if command.result is not None:
             results[number] = command.result
-        lasts = int(step.duration * unit)
-        stream = stream_of(command.stream, step)
-        looks, watches = looks_of(operators.get(step.operator.name), step)
-        activities[number] = Activity(
-            number,
-            str(step.operator),
-            stream,
-            lasts,
-            tuple(map(int, step.after)),
-            tuple(map(str, step.resources)),
-            begin_ms + int(starts[step.id] * unit),
-            PATIENCE * lasts + GRACE_MS,
-            _says(command.stream, stream),
-            str(command.reply),
-            asks=stream.partition("(")[0] == PERSON,
-            rests=number in rests,
-            process=bool(hands) and not hands.intersection(map(str, step.resources)),
-            looks=looks,
-            watches=watches,
-        )
+        begins = begin_ms + int(starts[step.id] * unit)
+        made = _activity(step, operator, command, begins, int(step.duration * unit))
+        process = bool(hands) and not hands.intersection(made.resources)
+        activities[number] = replace(made, rests=number in rests, process=process)
     dwells = tuple(
         dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
     )
     return Compiled(Program(activities, dwells, timed), plan, changes, expects, results)
+
+
+def _activity(
+    step: Step, operator: Operator | None, command: Command, begins_ms: int, lasts_ms: int
+) -> Activity:
+    """What the executive knows of a step by itself."""
+    stream = stream_of(command.stream, step)
+    looks, watches = looks_of(operator, step)
+    return Activity(
+        int(step.id),
+        str(step.operator),
+        stream,
+        lasts_ms,
+        tuple(map(int, step.after)),
+        tuple(map(str, step.resources)),
+        begins_ms,
+        PATIENCE * lasts_ms + GRACE_MS,
+        _says(command.stream, stream),
+        str(command.reply),
+        asks=stream.partition("(")[0] == PERSON,
+        looks=looks,
+        watches=watches,
+    )
 
 
 def queued(compiled: Compiled, lookahead: Callable[[str], int]) -> Compiled:

@@ -192,7 +192,9 @@ class Course(Progress):
     def flush(self) -> None:
         """Write what was noted, then send what was posted. Raises `JournalFailure`; then nothing was sent."""
         if self.checkpoint is not None and self._is_time():
-            self.noted = self.recorder.note(RecordKind.CHECKPOINT, state=self.checkpoint()).number
+            state = self.checkpoint()
+            self.noted = self.recorder.note(RecordKind.CHECKPOINT, state=state).number
+            self.written.saved(self.noted, state, len(self.history))
         self.recorder.commit()
         if self.outbox:
             commands, self.outbox = self.outbox, []

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.cases import Diagnosis
+from engine.model.cases import Diagnosis, Revision
 from engine.model.execution import Command, CommandKind, RecordKind
 from engine.model.outcome import Found, Infeasible
 from engine.model.troubleshooting import Action, Advice
@@ -13,11 +13,13 @@ from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, Performed, perform
 from engine.pipelines.execution.planned import Ready, again
 from engine.pipelines.execution.scope import Scope
+from engine.pipelines.execution.silence import TIMEOUT, cleared_up
 from engine.pipelines.revision.remaining import left_over
 from engine.pipelines.simulation import WorldState
 from engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
 from engine.pipelines.troubleshooting.findings import Findings
 from engine.pipelines.troubleshooting.given import Moment
+from engine.pipelines.troubleshooting.recovery import recover
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
 from engine.stages.diagnosis.session import QUESTION, run
 from engine.stages.execution import Failure
@@ -74,16 +76,39 @@ class ExceptionHandler:
             command=number,
             reply=reply,
         )
+        if reply == TIMEOUT and activity is not None and left is not None:
+            said = cleared_up(self.course, step, activity, number)
+            if said:
+                return self._goes_on_after_silence(said, step, left)
         if "diagnosis" not in self.scope.problem.domain.tools:
             return GivesUp(f"{step} was answered '{reply}', and the domain's tools are without diagnosis")
         if self.base is None or exception is None:
             return GivesUp(f"{step} was answered '{reply}', and the {BASE} knows no such exception")
-        seen = self.cases[exception, str(step)] = self.cases.get((exception, str(step)), 0) + 1
+        seen = self._seen(exception, step)
         if seen > MOST or depth >= DEPTH:
             return GivesUp(
                 f"{exception} at {step} for the {seen}th time: what was done about it did not help"
             )
         return self._case(exception, step, left, depth)
+
+    def _seen(self, exception: str, step: Function) -> int:
+        """How many times a step has failed in this way, with this time."""
+        seen = self.cases[exception, str(step)] = self.cases.get((exception, str(step)), 0) + 1
+        return seen
+
+    def _goes_on_after_silence(self, said: str, step: Function, left: Plan) -> Ready | GivesUp:
+        """Go on when it is known what became of a command that had no reply in its time."""
+        self.story.append(said)
+        if self._seen(TIMEOUT, step) > MOST:
+            return GivesUp(f"{said}, more than {MOST} times")
+        rest = left_over(left, {StepId(each) for each in self.course.done})
+        state = self.course.world.state
+        found = recover(self.scope.rest(state), Revision(), self.limits, rest, state.facts)
+        if not isinstance(found.outcome, Found):
+            return GivesUp(found.outcome.reason)
+        self.scope = self.scope.narrowed(found.problem, state, found.given_up)
+        now_ms, since = self.course.driver.now_ms(), self.course.since
+        return again(found.problem, found.outcome.plan, now_ms, self.limits, since)
 
     def _case(self, exception: str, step: Function, left: Plan | None, depth: int) -> Ready | GivesUp:
         assert self.base is not None

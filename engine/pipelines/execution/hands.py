@@ -26,7 +26,7 @@ class Interruption(Exception):
 
 
 class Ended(Exception):
-    """The run is over while a single command was waited for: by order, or because the controller is lost."""
+    """The run ended while it waited for a single command: by order, or because the controller is lost."""
 
     def __init__(self, turn: Turn) -> None:
         super().__init__(turn.why)
@@ -78,6 +78,13 @@ def _awaited(course: Course, command: Command) -> str:
                 course.recorder.note(RecordKind.REPLY, command=command.number, text=message.text, data=data)
                 return message.text
         if due is not None and course.driver.now_ms() >= due:
+            if (
+                late := course.driver.report([command.number])[0].reply
+            ) is not None:  # only its reply was lost
+                course.recorder.note(
+                    RecordKind.REPLY, command=late.number, text=late.text, data=dict(late.data)
+                )
+                return late.text
             course.recorder.note(RecordKind.REPLY, command=command.number, text=TIMEOUT, data={})
             return TIMEOUT
 

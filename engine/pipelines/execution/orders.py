@@ -59,5 +59,5 @@ class Timed:
         return self._orders[0][0] if self._orders else None
 
     def wait(self) -> bool:
-        """Nothing comes but at its time; at a pause, time passes until then."""
+        """Whether an order is still to come. Each comes at its own time, also at a pause: time goes on there, too."""
         return bool(self._orders)

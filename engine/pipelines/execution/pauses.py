@@ -66,9 +66,8 @@ def changed(course: Progress, scope: Scope, given: Given, limits: Limits) -> tup
 
 def _step(here: _Pause, text: str) -> StepId:
     """The step of the plan that a text names: by its number, or as it is written. Raises `Refused`."""
-    steps = here.course.compiled.plan.steps
     wanted = text.strip().replace(" ", "")
-    for step in steps:
+    for step in here.course.whole().plan.steps:
         if wanted in (str(step.id), str(step.operator).replace(" ", "")):
             return step.id
     raise Refused(f"the plan has no step {text.strip() or '(none was named)'}")
@@ -95,10 +94,10 @@ def _retry(here: _Pause, _text: str) -> tuple[Scope, Ready]:
 def _back(here: _Pause, text: str) -> tuple[Scope, Ready]:
     """Do a step again, and what comes behind it, as far as the world allows; else a new plan leads to the goals."""
     wanted = _step(here, text)
-    order = [step.id for step in here.course.compiled.plan.steps]
+    whole = here.course.whole().plan
+    order = [step.id for step in whole.steps]
     behind = set(order[order.index(wanted) :])
-    again_ = {step.id for step in here.course.compiled.plan.steps} - behind - {s.id for s in here.left.steps}
-    plan = left_over(here.course.compiled.plan, again_)
+    plan = left_over(whole, set(order) - behind - {step.id for step in here.left.steps})
     dynamics = Dynamics(here.scope.rest(here.state))
     state = dynamics.start()
     for step in plan.steps:

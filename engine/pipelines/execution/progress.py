@@ -1,7 +1,8 @@
 """How far a run is, and what its steps do to that: commands are posted, the world model follows, everything is noted."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from engine.model.execution import Command, CommandKind, Phase, RecordKind, Reply, RunState
@@ -10,11 +11,12 @@ from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
 from engine.pipelines.measuring import Measuring
-from engine.pipelines.simulation import Achievement, World
+from engine.pipelines.simulation import Achievement, Memory, World
 from engine.pipelines.simulation.world import achievement
 from engine.ports import Driver
 from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
+from engine.stages.macros.lifted.world import StepChange
 from kb.terms import Atom
 
 EVERY = 5_000  # records from one checkpoint to the next
@@ -22,6 +24,12 @@ NOTICED_MS = (
     30_000  # by which a step may end later or sooner than forecast before the plan is looked at again
 )
 OTHERWISE = "steps take longer or less than was forecast"
+LONG = (
+    "steps",
+    "order",
+    "dwells",
+    "running",
+)  # what of a plan's record grows with the plan, or is true only once
 VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
 
 
@@ -39,6 +47,38 @@ class Turn:
     idle: bool = False  # nothing can begin before something ends that needs no hand
 
 
+def head_of(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What the record of a plan says beside its steps."""
+    return {key: value for key, value in entry.items() if key not in LONG}
+
+
+@dataclass
+class Written:
+    """What the journal holds of the plan: `number` is that of the record with its steps, of which so many were `steps`.
+
+    `done` are those of them that have ended since. `head` is what the record says beside the steps. `checkpoint` is the number of
+    the last checkpoint, until which so much of the run's `history` is written.
+    """
+
+    number: int = 0
+    head: dict[str, Any] = field(default_factory=dict)
+    steps: int = 0
+    done: set[int] = field(default_factory=set)
+    checkpoint: int = 0
+    history: int = 0
+
+    def plan(self, number: int, entry: Mapping[str, Any]) -> None:
+        """Another plan is in the record of this number."""
+        self.number, self.steps, self.done = number, len(entry["steps"]), set()
+        self.head = head_of(entry)
+
+    def saved(self, number: int, state: Mapping[str, Any], history: int) -> None:
+        """A checkpoint was written."""
+        self.checkpoint, self.history = number, history
+        if "rest" in state:
+            self.plan(number, state["rest"])
+
+
 @dataclass
 class Progress:
     """How far the execution of programs, one after another, is in one world."""
@@ -51,18 +91,21 @@ class Progress:
     compiled: Compiled
     standing: Standing
     history: list[Achievement] = field(default_factory=list)
-    keeps_history: bool = True
+    memory: Memory = field(default_factory=Memory)
     measuring: Measuring | None = None
     done: set[int] = field(default_factory=set)
+    written: Written = field(default_factory=Written)
     outbox: list[Command] = field(default_factory=list)
     pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
     sent: dict[int, tuple[dict[str, Any], int]] = field(
         default_factory=dict
     )  # under way, as noted, since when
-    plan_number: int = 0  # of the record of the program
-    noted: int = 0  # the last checkpoint
+    noted: int = 0  # the record from which those to the next checkpoint count
     every: int = EVERY
     checkpoint: Callable[[], dict[str, Any]] | None = None
+    entire: Callable[[], Compiled] | None = (
+        None  # the program with steps that were done before the run was taken up again
+    )
     turn: Turn | None = None
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
@@ -81,7 +124,16 @@ class Progress:
         self.done, self.review, self.off_ms = set(), "", 0
         self.waited = frozenset()
         self.sent = {number: self._renumbered(number) for number in standing.running}
-        self.plan_number = self.recorder.last
+        self.entire = None
+
+    def whole(self) -> Compiled:
+        """The program with all steps of the plan, also those that were done before the run was taken up again."""
+        return self.compiled if self.entire is None else self.entire()
+
+    def planned(self, entry: dict[str, Any]) -> None:
+        """Note the plan that is followed from now on."""
+        number = self.recorder.note(RecordKind.PLAN, **entry).number
+        self.written.plan(number, entry)
 
     def _renumbered(self, number: int) -> tuple[dict[str, Any], int]:
         """What was noted of a command that is under way, for the number that its step has now."""
@@ -137,22 +189,21 @@ class Progress:
         new = [atom for atom in (*change.adds, *change.events) if atom not in self.world.facts]
         moved = self.world.apply(change)
         self.done.add(activity)
+        self.written.done.add(activity)
         if self.compiled.program.timed:
             self.since.update(dict.fromkeys(new, self.standing.now_ms))
         self._look_at_the_forecast(activity)
         self.sent.pop(ended.number, None)
-        if self.keeps_history:
-            step = self.replies.step(activity)
-            self.history.append(achievement(len(self.history) + 1, step, new, moved))
+        work = achievement(len(self.history) + 1, self.replies.step(activity), new, moved)
+        if self.memory.keeps(work):
+            self.history.append(work)
         self.recorder.note(
             RecordKind.DONE,
             step=activity,
             command=ended.number,
             action=self.compiled.program.activities[activity].action,
             started_ms=ended.started_ms,
-            adds=[str(each) for each in change.adds],
-            ends=[str(each) for each in change.ends],
-            events=[str(each) for each in change.events],
+            **_changes(change),
             moved=[[chain, number, str(atom)] for chain, number, atom in moved],
         )
         for chain, _, atom in moved:
@@ -189,6 +240,16 @@ class Progress:
             command=None,
             reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
         )
+
+
+@lru_cache(1 << 12)
+def _changes(change: StepChange) -> Mapping[str, list[str]]:
+    """What a step changes, as a record has it."""
+    return {
+        "adds": list(map(str, change.adds)),
+        "ends": list(map(str, change.ends)),
+        "events": list(map(str, change.events)),
+    }
 
 
 def looked_at(command: Command) -> dict[str, list[str]]:

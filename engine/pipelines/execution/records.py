@@ -1,6 +1,6 @@
 """Plans in the journal: enough to execute them again without planning, and to show them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -21,18 +21,15 @@ from kb.store.notation import read_atom as read_pattern
 from kb.store.notation import read_term
 from kb.terms import Function
 
+NOTHING: Mapping[int, int] = {}
+
 
 def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
     """A plan as a record has it."""
-    program, plan = ready.compiled.program, {int(s.id): s for s in ready.plan.steps}
+    program = ready.compiled.program
     return {
         "why": why,
-        "steps": [_step_entry(a, plan[a.id], ready.compiled) for a in program.activities.values()],
-        "order": [int(step.id) for step in ready.plan.steps],
-        "dwells": [
-            [d.source, d.target, d.most_ms, *([] if d.since_ms is None else [d.since_ms])]
-            for d in program.dwells
-        ],
+        **steps_entry(ready.compiled),
         "timed": program.timed,
         "forecast_ms": program.forecast_ms,
         "goals": list(map(str, goal_parts(scope.problem.goal))),
@@ -42,6 +39,33 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "blocked": list(map(str, scope.blocked)),
         **({"wishes": wishes} if (wishes := wished(scope.problem)) else {}),
     }
+
+
+def steps_entry(
+    compiled: Compiled, without: Collection[int] = (), ended: Mapping[int, int] = NOTHING
+) -> dict[str, Any]:
+    """The steps of a plan as a record has them, `without` those that are done, of which some have `ended` just so.
+
+    What one of these has brought about waits since then.
+    """
+    program, plan = compiled.program, {int(s.id): s for s in compiled.plan.steps}
+    left = [each for each in program.activities.values() if each.id not in without]
+    return {
+        "steps": [_step_entry(a, plan[a.id], compiled, without) for a in left],
+        "order": [int(step.id) for step in compiled.plan.steps if int(step.id) not in without],
+        "dwells": [
+            _dwell_entry(each, ended)
+            for each in program.dwells
+            if each.target not in without and (each.source not in without or each.source in ended)
+        ],
+    }
+
+
+def _dwell_entry(dwell: Dwell, ended: Mapping[int, int]) -> list[int]:
+    source, since = dwell.source, dwell.since_ms
+    if source in ended:
+        source, since = 0, ended[source]
+    return [source, dwell.target, dwell.most_ms, *([] if since is None else [since])]
 
 
 def end_entry(ending: Finish) -> dict[str, Any]:
@@ -56,7 +80,7 @@ def end_entry(ending: Finish) -> dict[str, Any]:
     }
 
 
-def _step_entry(a: Activity, step: Step, compiled: Compiled) -> dict[str, Any]:
+def _step_entry(a: Activity, step: Step, compiled: Compiled, without: Collection[int]) -> dict[str, Any]:
     change = compiled.changes[a.id]
     result = compiled.results.get(a.id)
     found = {
@@ -64,7 +88,7 @@ def _step_entry(a: Activity, step: Step, compiled: Compiled) -> dict[str, Any]:
         "step": a.action,
         "stream": a.stream,
         "says": a.says,
-        "after": list(a.after),
+        "after": [each for each in a.after if each not in without],
         "resources": list(a.resources),
         "start_ms": a.start_ms,
         "lasts_ms": a.lasts_ms,
@@ -93,6 +117,10 @@ def read_atom(text: str) -> Function:
     return found
 
 
+_pattern = lru_cache(1 << 10)(read_term)
+_ground = lru_cache(1 << 10)(ground_term)
+
+
 def compiled_of(entry: Mapping[str, Any]) -> Compiled:
     """The program of a plan that a record has."""
     steps = {each["id"]: each for each in entry["steps"]}
@@ -103,8 +131,8 @@ def compiled_of(entry: Mapping[str, Any]) -> Compiled:
         program,
         plan,
         {number: _change(each) for number, each in steps.items()},
-        {number: read_term(each["expects"]) for number, each in steps.items()},
-        {number: read_term(each["result"]) for number, each in steps.items() if "result" in each},
+        {number: _pattern(each["expects"]) for number, each in steps.items()},
+        {number: _pattern(each["result"]) for number, each in steps.items() if "result" in each},
     )
 
 
@@ -141,7 +169,7 @@ def _step(each: Mapping[str, Any]) -> Step:
         StepId(each["id"]),
         read_atom(each["step"]),
         tuple(map(StepId, each.get("after", ()))),
-        tuple(map(ground_term, each.get("resources", ()))),
+        tuple(map(_ground, each.get("resources", ()))),
         each.get("duration", 0),
         each.get("cost", 1),
     )

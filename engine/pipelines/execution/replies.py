@@ -13,6 +13,7 @@ class Replies:
     def __init__(self, compiled: Compiled) -> None:
         self.compiled = compiled
         self._steps = {int(step.id): step.operator for step in compiled.plan.steps}
+        self._texts: dict[Term, str] = {}  # of the patterns without variables
 
     def step(self, activity: int) -> Function:
         """The step of an activity."""
@@ -25,13 +26,15 @@ class Replies:
     def result(self, activity: int, text: str) -> Term | None:
         """The fact that a normal reply gives; None if the domain wants none."""
         result = self.compiled.results.get(activity)
-        found = self._bindings(activity, text)
+        found = None if result is None else self._bindings(activity, text)
         return None if result is None or found is None else substitute(result, found)
 
     def _bindings(self, activity: int, text: str) -> Mapping[Variable, Term] | None:
         pattern = self.compiled.expects[activity]
-        if is_ground(pattern):
-            return {} if str(pattern) == text else None
+        if pattern not in self._texts:
+            self._texts[pattern] = str(pattern) if is_ground(pattern) else ""
+        if self._texts[pattern]:
+            return {} if self._texts[pattern] == text else None
         try:
             return match(pattern, ground_term(text), {})
         except AspError:

@@ -4,17 +4,18 @@ What the journal says is believed. What became of the commands that were under w
 again unless the driver says that it never came.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.model.execution import Order, Phase, Record, RecordKind
 from engine.pipelines.execution.adding import addition, extended
+from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.progress import Written, head_of
 from engine.pipelines.execution.records import read_atom, scope_of
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.simulation import Achievement, World
+from engine.pipelines.simulation import Achievement, Memory, World
 from engine.pipelines.simulation.world import achievement
-from kb.model.problem import Problem
 from kb.terms import Atom
 
 Content = Mapping[str, Any]
@@ -39,6 +40,7 @@ class Past:
 
     world: World
     scope: Scope
+    memory: Memory = field(default_factory=Memory)
     plan: Content | None = None
     done: dict[int, int] = field(default_factory=dict)
     sent: dict[int, tuple[Content, int]] = field(default_factory=dict)
@@ -54,11 +56,19 @@ class Past:
     ended: str = ""
     paused: bool = False
     run: Content = field(default_factory=dict)  # what it was begun with
-    plan_number: int = 0  # of the record of the last plan
+    plan_number: int = 0  # of the record that holds the steps of the last plan
+    checkpoint: int = 0  # the number of the last one
+    told: int = 0  # so much of the history was written before it
+    entire: Callable[[], Compiled] | None = None  # the last plan with steps that a checkpoint has left out
     replans: bool = False  # the last plan leads nowhere any more
     added: str = ""
-    whole: Problem | None = None  # the problem with what was added, if something was
+    additions: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # further commands, as a checkpoint has them
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
+
+    def __post_init__(self) -> None:
+        self.whole = self.scope.problem  # with what was added
 
     def take(self, record: Record) -> None:
         """Take in a record."""
@@ -80,20 +90,33 @@ class Past:
     def planned(self, record: Record) -> None:
         """Another plan: what was left of the old one is forgotten."""
         content = record.content
+        if content["why"] == Order.ADD.value:
+            behind = {} if self.plan is None else head_of(self.plan)
+            self.extend({"given": self.added, "wishes": content.get("wishes", []), "behind": behind})
         self.forecast_ms = self.forecast_ms or content["forecast_ms"]
         self.steps += len(self.done)
-        self.plan, self.plan_number = content, record.number
+        self.entire = None
         self.done, self.case = {}, []
         self.sent = {
             number: ({**self.sent[number][0], "step": step}, self.sent[number][1])
             for number, step in content.get("running", ())
         }
         self.paused = self.replans = False
-        if content["why"] == Order.ADD.value:
-            words = addition(self.scope.problem, self.added).words
-            wishes = tuple(map(read_atom, content.get("wishes", ())))
-            self.whole = extended(self.whole or self.scope.problem, words, ())
-            self.scope = replace(self.scope, problem=extended(self.scope.problem, words, wishes))
+        self.follow(content, record.number)
+
+    def extend(self, added: dict[str, Any]) -> None:
+        """A further command was taken up, behind a plan whose record says `behind` beside its steps."""
+        if added["behind"]:
+            self.scope = scope_of(self.scope, added["behind"])
+        words = addition(self.scope.problem, added["given"]).words
+        self.whole = extended(self.whole, words, ())
+        wishes = tuple(map(read_atom, added["wishes"]))
+        self.scope = replace(self.scope, problem=extended(self.scope.problem, words, wishes))
+        self.additions.append(added)
+
+    def follow(self, content: Content, number: int) -> None:
+        """The plan in the record of this number is the one that is followed."""
+        self.plan, self.plan_number = content, number
         self.scope = scope_of(self.scope, content)
         self.world.chains = self.scope.problem.chains
         for chain in self.world.chains:
@@ -129,7 +152,9 @@ class Past:
         if self.plan is not None and self.plan["timed"]:
             self.since.update(dict.fromkeys(fresh, record.at_ms))
         self.sent.pop(content["command"], None)
-        self.history.append(achievement(len(self.history) + 1, read_atom(content["action"]), fresh, moved))
+        work = achievement(len(self.history) + 1, read_atom(content["action"]), fresh, moved)
+        if self.memory.keeps(work):
+            self.history.append(work)
 
     def corrected(self, record: Record) -> None:
         """The world model was corrected."""
@@ -166,6 +191,13 @@ class Past:
     def under_way(self) -> Mapping[int, tuple[Content, int]]:
         """The commands for steps that have not been settled, and when they were sent."""
         return {number: each for number, each in self.sent.items() if each[0].get("step") is not None}
+
+    def written(self) -> Written:
+        """What the journal holds of the plan."""
+        assert self.plan is not None
+        held = Written(done=set(self.done), checkpoint=self.checkpoint, history=self.told)
+        held.number, held.steps, held.head = self.plan_number, len(self.plan["steps"]), head_of(self.plan)
+        return held
 
     @property
     def next_number(self) -> int:

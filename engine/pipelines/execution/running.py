@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
-from engine.pipelines.execution.adding import addition, extended
+from engine.pipelines.execution.adding import addition, extended, wished
 from engine.pipelines.execution.checkpoints import state_of
 from engine.pipelines.execution.compiling import Compiled, queued
 from engine.pipelines.execution.course import Course
@@ -22,7 +22,7 @@ from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import restore, settle, standing_again
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.revision.remaining import left_over
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import Memory, World
 from engine.ports import Driver
 from engine.stages.execution import Standing, standing_of
 from engine.stages.planning import Limits
@@ -49,24 +49,25 @@ class Execution:
     exceptions: int = 0
     forecast_ms: int = 0
     story: list[str] = field(default_factory=list)
-    added: bool = False  # whether a further command was given
+    additions: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # further commands, as a checkpoint has them
 
-    def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
-        """Execute a first plan to the end of the run."""
+    def start(self, ready: Ready, world: World, approve: bool = False, scope: Scope | None = None) -> Finish:
+        """Execute a first plan to the end of the run. `scope` says which of the goals it is for; all, if it is not given."""
+        scope = scope or Scope(self.problem)
         compiled = queued(ready.compiled, self.driver.lookahead)
         standing = standing_of(compiled.program, self.driver.now_ms(), 1)
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
         if ready.notes:
             self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
-        course.plan_number = self.recorder.note(
-            RecordKind.PLAN, **plan_entry(ready, "first", Scope(self.problem))
-        ).number
-        return self.guarded(course, Scope(self.problem), approve)
+        course.planned(plan_entry(ready, "first", scope))
+        return self.guarded(course, scope, approve)
 
     def resume(self, past: Past) -> Finish:
         """Go on with a run whose journal was read. What was under way is settled with the driver first."""
-        self.added = past.whole is not None
+        self.additions = list(past.additions)
         self.forecast_ms, self.exceptions, self.steps = past.forecast_ms, past.exceptions, past.steps
         assert past.plan is not None
         compiled = queued(compiled_of(past.plan), self.driver.lookahead)
@@ -76,7 +77,6 @@ class Execution:
         return self.guarded(course, past.scope, handler=handler, past=past)
 
     def _course(self, compiled: Compiled, standing: Standing, world: World) -> Course:
-        spoils = self.base is not None and any(cause.spoils for cause in self.base.causes.values())
         return Course(
             self.run,
             self.driver,
@@ -85,7 +85,7 @@ class Execution:
             world,
             compiled,
             standing,
-            keeps_history=spoils,
+            memory=Memory.of(self.base),
             every=EVERY,
             measuring=Measuring(self.problem),
         )
@@ -122,8 +122,8 @@ class Execution:
             "cases": [[*key, count] for key, count in handler.cases.items()],
             "forecast_ms": self.forecast_ms,
             "exceptions": self.exceptions,
-            "steps": self.steps,
-            "added": self.added,
+            "steps": self.steps + len(course.done) - len(course.written.done),
+            "additions": self.additions,
         }
 
     def _approved(self, course: Course) -> bool:
@@ -199,9 +199,7 @@ class Execution:
         compiled = queued(found.compiled, self.driver.lookahead)
         fresh = standing or standing_of(compiled.program, self.driver.now_ms(), course.standing.number)
         running = [[number, each.activity] for number, each in sorted(fresh.running.items())]
-        self.recorder.note(
-            RecordKind.PLAN, **plan_entry(found, why, scope), **({"running": running} if running else {})
-        )
+        course.planned({**plan_entry(found, why, scope), **({"running": running} if running else {})})
         course.world.chains = scope.problem.chains
         for chain in scope.problem.chains:
             course.world.reached.setdefault(chain.name, 0)
@@ -218,7 +216,8 @@ class Execution:
             self.recorder.note(RecordKind.DECISION, what=f"{given.order.value} refused", why=str(error))
             return None
         if given.order is Order.ADD:
-            self.added = True
+            said = {"given": given.text, "wishes": wished(scope.problem), "behind": course.written.head}
+            self.additions.append(said)
             more = addition(handler.scope.problem, given.text)
             self.problem = extended(self.problem, more.words, ()) if more.words else self.problem
         handler.scope = scope

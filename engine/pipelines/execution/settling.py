@@ -88,7 +88,8 @@ def standing_again(compiled: Compiled, past: Past, now_ms: int) -> Standing:
 
 def restore(course: Course, past: Past) -> None:
     """Give a course what the journal of its run holds: the plan's number, commands without a reply, steps that are done."""
-    course.plan_number = past.plan_number
+    course.written = past.written()
+    course.entire = past.entire
     course.sent = {number: (dict(entry), at_ms) for number, (entry, at_ms) in past.sent.items()}
     course.noted, course.since = course.recorder.last, dict(past.since)
-    course.done, course.history = set(past.done), past.history if course.keeps_history else []
+    course.done, course.history = set(past.done), past.history

@@ -13,7 +13,8 @@ from engine.model.wording import counted
 from engine.pipelines import planning
 from engine.pipelines.explanation.advice import Advice
 from engine.pipelines.explanation.amendments import changed
-from engine.pipelines.explanation.culprits import Goal, exclusions, minimal_goals
+from engine.pipelines.explanation.culprits import Goal, exclusions, minimal_goals, only
+from engine.pipelines.explanation.gaps import gaps
 from engine.pipelines.explanation.space import Space
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
@@ -50,14 +51,16 @@ class _Inquiry:
         goals = minimal_goals(self.problem, lambda each: isinstance(self._planned(each), Infeasible))
         initial = tuple(a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage"))
         trial = replace(self.limits, expansions=min(self.limits.expansions, TRIAL))
+        space = Space.of(self.problem, initial)
         advice = Advice(
-            Space.of(self.problem, initial),
+            space,
             self.problem,
             tuple(map(str, goals)),
             lambda each: self._planned(each, trial),
             self.limits.interrupted,
         )
         changes = [self._told(change, found) for change, found in advice.smallest()]
+        lacking = () if changes or advice.untried else tuple(gaps(only(self.problem, goals), space))
         if len(goals) > 1 or not changes:
             changes += self._drops(goals)
         return Explanation(
@@ -67,6 +70,7 @@ class _Inquiry:
             tuple(changes),
             reason,
             advice.untried,
+            lacking,
         )
 
     def _drops(self, goals: Sequence[Goal]) -> Iterator[Amendment]:

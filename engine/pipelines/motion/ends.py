@@ -63,7 +63,7 @@ def _reached(place: Place, name: str, option: str, reach: Reachability) -> End:
     if isinstance(answer, Unreached):
         message = f"no configuration reaches {name}: {answer.reason}"
         raise InvalidInput([Diagnostic(Source(option), "K705", message, answer.hint)])
-    # Libraries for matrices round as the processor allows: what is left of that is less than this.
+    # Libraries for matrices round differently on each processor. The last digits, where that shows, are cut off.
     return End(name, place.arm, np.round(answer.q, 12), place)
 
 

@@ -54,27 +54,34 @@ def stations(
     still, limits = replace(held, touches=()), limits_of(world, arm)
     ground = Ground(reach.checker(still))
     hand = ArmHand(world, ground.scene, arm, reach.flange_to_end(still))
-    names, nodes, outs, unreached = [], [], [], {}
+    lines, unreached = {}, {}
     for (name, place), q in zip(places.items(), reach.whole(still, np.array(own)), strict=True):
         line = _out(hand, q, place.approach_m if place else 0.0)
-        why = line.why if isinstance(line, Broken) else _touching(ground, line[-1])
-        if why or isinstance(line, Broken):
-            unreached[name] = why
-            continue
-        names.append(name)
-        nodes.append(line[-1])
-        even = np.zeros(len(line)), np.ones(len(line) - 1)
-        outs.append(smoothed(line[:, hand.own], limits, *even).duration_s if len(line) > 1 else 0.0)
-    found = np.array(nodes).reshape(-1, world.joints.count)
-    return Stations(tuple(names), found, np.array(outs), ground, hand, limits, unreached)
+        if isinstance(line, Broken):
+            unreached[name] = line.why
+        else:
+            lines[name] = line
+    nodes = np.array([line[-1] for line in lines.values()]).reshape(-1, world.joints.count)
+    hits = ground.collides(nodes)
+    for name, q in zip(np.array(list(lines), dtype=object)[hits], nodes[hits], strict=True):
+        unreached[name] = _touching(ground, q)
+    free = [name for name in lines if name not in unreached]
+    outs = np.array([_lasts(lines[name][:, hand.own], limits) for name in free])
+    return Stations(tuple(free), nodes[~hits], outs, ground, hand, limits, unreached)
+
+
+def _lasts(line: Floats, limits: Limits) -> float:
+    """How long (s) a straight line (m, k) out of a visit takes, from rest to rest."""
+    even = np.zeros(len(line)), np.ones(len(line) - 1)
+    return smoothed(line, limits, *even).duration_s if len(line) > 1 else 0.0
 
 
 def _touching(ground: Ground, q: Floats) -> str:
-    """What touches at a configuration (k,); empty if nothing does."""
+    """What touches at a configuration (k,) that is not free."""
     said = [
         f"{each.first} overlaps {each.second} by {each.depth_m * 1000:.0f} mm" for each in ground.contacts(q)
     ]
-    return f"with the tool in hand, {said[0]}" if said else ""
+    return f"with the tool in hand, {said[0]}" if said else "with the tool in hand, something touches"
 
 
 def _out(hand: ArmHand, q: Floats, approach_m: float) -> Floats | Broken:

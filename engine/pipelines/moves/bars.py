@@ -1,6 +1,4 @@
-"""What no arm can do becomes a condition: a step for which no motion is found may not be taken as long as what is in its way
-stands where it stands.
-"""
+"""What no arm can do becomes a condition: a step without a motion may not be taken while what is in its way stays where it is."""
 
 from collections.abc import Iterable
 from dataclasses import replace

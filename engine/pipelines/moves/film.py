@@ -52,7 +52,7 @@ def takes_of_plan(semantics: Semantics, cell: Cell, plan: Plan, steps: Sequence[
 def takes_of_run(
     walk: Walk, start: Iterable[Atom], told: Iterable[tuple[Function | None, Iterable[Atom], Iterable[Atom]]]
 ) -> Iterator[Take]:
-    """The takes of a run, of which is told, one after the other, which step was done, what it added, and what it ended.
+    """The takes of a run. `told` says, record by record, which step was done, what it added, and what it ended.
 
     Where no step is named, the world model was corrected. A step that has no motion now is shown without one.
     """

@@ -8,13 +8,22 @@ import numpy as np
 from engine.kernels.linear import norm
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
+from engine.stages.validation.semantics import Semantics
 from kb.model.cell import Cell, Measuring, Place, Placement
 from kb.model.conventions import Conventions
 from kb.model.motion import Motion
 from kb.model.problem import Problem
-from kb.terms import Function, Number
+from kb.terms import Number
 
 MICRO = 1e-6
+
+
+def measured_cell(semantics: Semantics, cell: Cell) -> Cell:
+    """The cell with a place for each measurement that has a position, for the tool that the domain's rules choose."""
+    problem = semantics.problem
+    chosen = semantics.statics.named(problem.domain.conventions.chosen)
+    tools = {str(each.arguments[1]): str(each.arguments[0]) for each in chosen if len(each.arguments) == 2}
+    return with_measured_places(cell, problem, tools)
 
 
 def with_measured_places(cell: Cell, problem: Problem, tools: Mapping[str, str]) -> Cell:
@@ -72,8 +81,3 @@ def measured_at(words: Conventions, place: str) -> str:
     """The measurement that a place belongs to; empty if it is another place."""
     head, _, rest = place.partition("(")
     return rest.removesuffix(")") if head == words.meas else ""
-
-
-def constant(name: str) -> Function:
-    """A name as a term."""
-    return Function(name)

@@ -11,8 +11,11 @@ from dataclasses import dataclass, replace
 from engine.model.moves import MovedStep, Unmoved
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
 from engine.model.schedule import Timetable
+from engine.pipelines.attainment import GivenUp
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.bars import told, without_blocked
+from engine.pipelines.moves.leaving_out import within_reach
+from engine.pipelines.moves.places import measured_at
 from engine.pipelines.moves.states import in_order
 from engine.pipelines.moves.walking import Walk, Ways
 from engine.pipelines.objective import Run
@@ -28,17 +31,22 @@ from kb.syntax import SECONDS
 from kb.terms import Function
 
 MOST_BARS = 60  # steps without motion, after which planning gives up
+NONE_LOST: Mapping[str, str] = {}
 ROUNDS = 4  # schedules, each of whose order is walked through again
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moving:
-    """A run whose plan moves. `problem` has the real times of the steps, `steps` their motions, `refused` what had none."""
+    """A run whose plan moves. `problem` has the real times of the steps, `steps` their motions, `refused` what had none.
+
+    `given_up` are goals about measurements that no arm can take; `problem` is without them.
+    """
 
     run: Run
     problem: Problem
     steps: tuple[MovedStep, ...] = ()
     refused: tuple[Unmoved, ...] = ()
+    given_up: tuple[GivenUp, ...] = ()
 
 
 def plan_moving(
@@ -48,27 +56,45 @@ def plan_moving(
     planned: Callable[[Problem], Run],
     seed: int = 0,
     ways: Ways | None = None,
+    lost: Mapping[str, str] = NONE_LOST,
 ) -> Moving:
     """A plan for the problem, by `planned`, in which every step moves.
 
-    `ways` are straight ways into places that are known already. Raises `InvalidInput` for a cell without operations.
+    `ways` are straight ways into places that are known already. `lost` says why no arm can take some measurements. Goals about
+    them are given up, and so are goals about measurements whose place is refused, if there is no plan with them.
+    Raises `InvalidInput` for a cell without operations.
     """
     _require_operations(cell)
     refused: list[Unmoved] = []
     walk = Walk(PlanGate().semantics(problem), cell, backend, seed, ways=ways or {})
     while len(refused) <= MOST_BARS:
-        asked = without_blocked(problem, refused)
+        left, given_up = within_reach(problem, lost)
+        asked = without_blocked(left, refused)
         run = planned(asked)
         if not isinstance(run.outcome, Found):
+            if more := _lost(problem, refused, lost):
+                lost = {**lost, **more}
+                continue
             return Moving(Run(_without(run.outcome, refused)), problem, refused=tuple(refused))
         steps = list(walk.steps(run.outcome.plan))
         if steps and isinstance(steps[-1], Unmoved):
             refused.append(steps[-1])
             continue
         moved = [each for each in steps if isinstance(each, MovedStep)]
-        return _in_real_time(_Asked(problem, asked, walk), run, moved, refused)
+        made = _in_real_time(_Asked(left, asked, walk), run, moved, refused)
+        return replace(made, given_up=given_up)
     reason = f"{len(refused)} steps have no motion; the last: {told(refused[-1:])}"
     return Moving(Run(GaveUp(reason, "work")), problem, refused=tuple(refused))
+
+
+def _lost(problem: Problem, refused: Sequence[Unmoved], lost: Mapping[str, str]) -> dict[str, str]:
+    """The measurements whose places have refused steps, with the reasons, but for those that are known to be lost."""
+    words, found = problem.domain.conventions, dict[str, str]()
+    for each in refused:
+        name = measured_at(words, each.place)
+        if name and name not in lost:
+            found[name] = each.reason if each.sure else f"{each.reason} (not proved)"
+    return found
 
 
 def _require_operations(cell: Cell) -> None:

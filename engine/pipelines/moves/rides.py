@@ -11,7 +11,7 @@ from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.world.scenes import riding_scene_of
 
-LOOKS = 65  # how often it is looked for what touches, before the whole ride is proved
+LOOKS = 65  # places of a ride at which contacts are looked for, before the whole ride is proved
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,5 @@
 """The cell in one state, ready for motions: where the bodies are, what may touch, and what an arm reaches."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,6 +15,7 @@ from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.kinematics.arms import ArmModel
 from engine.stages.geometry.kinematics.inverse import InverseKinematics
+from engine.stages.geometry.kinematics.turning import nearest_turns, turned_near
 from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.world.model import World
 from kb.model.cell import Place, Placement
@@ -127,30 +127,6 @@ class Room:
     def touching(self, place: Place, q: Floats) -> tuple[Contact, ...]:
         """What touches at one configuration (k,)."""
         return self.ground(place).contacts(self.whole(place.arm, q[None])[0])
-
-
-def nearest_turns(model: ArmModel, q: Floats, now: Floats) -> Floats:
-    """Configurations (m, k) within the limits: those of `q` (n, k), turned by whole turns to be nearest to `now` (k,).
-
-    Those that no turn brings within the limits are left out.
-    """
-    found, inside = turned_near(model, q, now)
-    near: Floats = found[inside]
-    return near
-
-
-def turned_near(model: ArmModel, q: Floats, now: Floats) -> tuple[Floats, Truths]:
-    """Configurations (..., k), turned by whole turns to be nearest to `now` within the limits, and which can be within them."""
-    joints, turn = model.joints, 2 * math.pi
-    whole = np.round((now - q) / turn)
-    best, least = np.array(q), np.full(q.shape, np.inf)
-    for more in (0.0, -1.0, 1.0, -2.0, 2.0):
-        values = q + np.where(joints.prismatic, 0.0, (whole + more) * turn)
-        within = (values >= joints.lower - 1e-9) & (values <= joints.upper + 1e-9)
-        far = np.where(within, np.abs(values - now), np.inf)
-        nearer = far < least
-        best[nearer], least[nearer] = values[nearer], far[nearer]
-    return best, np.isfinite(least).all(axis=-1)
 
 
 def _corners(model: ArmModel, paths: Floats, poses: Floats) -> Truths:

@@ -262,7 +262,7 @@ class StepMotion:
         return self._strangers(room.touching(self.place, q))
 
     def _strangers(self, contacts: Iterable[Contact]) -> Iterator[str]:
-        """What is in contact, but for the arm and what it holds; the arm's own name where it touches itself."""
+        """What is in contact, except for the arm and what it holds; the arm's own name where it touches itself."""
         own = {*held(self.before.world, self.arm), *held(self.after.world, self.arm)}
         for contact in contacts:
             names = [

@@ -8,7 +8,7 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
 from engine.pipelines.moves.hands import Front, Hands, held
-from engine.pipelines.moves.places import with_measured_places
+from engine.pipelines.moves.places import measured_cell
 from engine.pipelines.moves.rides import Ride
 from engine.pipelines.moves.rooms import Room
 from engine.pipelines.moves.states import states_of
@@ -49,12 +49,7 @@ class Walk:
     _known: dict[_Situation, _Outcome] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        problem = self.semantics.problem
-        chosen = self.semantics.statics.named(problem.domain.conventions.chosen)
-        tools = {
-            str(each.arguments[1]): str(each.arguments[0]) for each in chosen if len(each.arguments) == 2
-        }
-        self.cell = with_measured_places(self.cell, problem, tools)
+        self.cell = measured_cell(self.semantics, self.cell)
         world = World.of(self.cell)
         self._kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
         self.hands = Hands(self.cell, self.seed, self.bridges)
@@ -191,13 +186,6 @@ class Walk:
     @property
     def _unit_s(self) -> float:
         return float(SECONDS[self.semantics.problem.domain.time_unit])
-
-
-def walked(
-    semantics: Semantics, cell: Cell, backend: GeometryBackend, plan: Plan, seed: int = 0
-) -> list[MovedStep | Unmoved]:
-    """The motion of each step of a plan that has one; the last is the first that has none, if there is such a step."""
-    return list(Walk(semantics, cell, backend, seed).steps(plan))
 
 
 def operation_of(cell: Cell, step: Function) -> Operation | None:

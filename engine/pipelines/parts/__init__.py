@@ -112,7 +112,7 @@ def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:
 
 
 def _refused(line: Chain, start: Situation, way: Itinerary, part: Part, outcome: Outcome) -> Outcome | None:
-    """Why there is no plan, if that is certain or too much to ask: what a part asks for alone has no plan either."""
+    """Why there is no plan, if that is certain or the planner gave up: the part has no plan by itself either."""
     if isinstance(outcome, GaveUp):
         return outcome
     alone = line.alone(part, start)

@@ -22,19 +22,9 @@ def carried(
 ) -> Carry | NotPlaced:
     """Take the part with a hold at one pose, and let it go at another, from a configuration (k,) on."""
     here, there = poses
-    grasp = task.holds.grasps[task.holds.grasp_of[hold]]
-    world = with_hand(task.world, task.scene, task.holds.jaws, grasp.width_m)
-    arm, T = task.scene.hand.arm, task.holds.poses[hold]
-    up = np.array([0.0, 0.0, LIFT_M])
-    crowded = with_hand(task.crowded, task.scene, task.holds.jaws, grasp.width_m)
-    empty = Reach(world.put(task.part, "world", here), arm)
-    above = Reach(crowded.put(task.part, "world", here), arm)
-    holding = world.put(task.part, f"{arm}.tool", inverse(T))
-    full = Reach(holding, arm, touching(task))
-    held = crowded.put(task.part, f"{arm}.tool", inverse(T))
-    free = Reach(held, arm, frozenset([frozenset((HAND, task.part))]))
-    left = Reach(world.put(task.part, "world", there), arm)
-    back = -BACK_M * (here @ T)[:3, 2]
+    grasp, T = task.holds.grasps[task.holds.grasp_of[hold]], task.holds.poses[hold]
+    empty, above, full, free, left = _reaches(task, grasp.width_m, T, poses)
+    back, up = -BACK_M * (here @ T)[:3, 2], np.array([0.0, 0.0, LIFT_M])
     for q in ends(empty, here @ T, near):
         taken = empty.line(here @ T, q, back)
         lifted = full.line(here @ T, q, up)
@@ -49,18 +39,38 @@ def carried(
             second = gross(free, lifted[-1], lowered[-1])
             if first is None or second is None:
                 continue
-            taking = (
+            legs = (
                 Leg("to the part", first.path, False, first.proved),
                 straight("approach", taken[::-1], False, empty),
-            )
-            carrying = (straight("lift", lifted, True, full), Leg("carry", second.path, True, second.proved))
-            leaving = (
+                straight("lift", lifted, True, full),
+                Leg("carry", second.path, True, second.proved),
                 straight("lower", lowered[::-1], True, full),
                 straight("withdraw", away, False, left),
             )
-            return Carry(grasp, T, here, there, rest, (*taking, *carrying, *leaving))
+            return Carry(grasp, T, here, there, rest, legs)
     hint = "move what stands between, or the table where parts are taken anew"
     return NotPlaced("motion", f"no motion carries {task.part} with the grasps that are possible", hint)
+
+
+def _reaches(
+    task: Task, width_m: float, T_part_hand: Floats, poses: tuple[Floats, Floats]
+) -> tuple[Reach, ...]:
+    """What the arm meets with the part where it lies (near, far), in the hand (near, far), and put down (near).
+
+    Far from what is taken or put down, it also keeps away from what is only seen.
+    """
+    world, crowded = (
+        with_hand(each, task.scene, task.holds.jaws, width_m) for each in (task.world, task.crowded)
+    )
+    arm, (here, there), T_hand_part = task.scene.hand.arm, poses, inverse(T_part_hand)
+    held = frozenset([frozenset((HAND, task.part))])
+    return (
+        Reach(world.put(task.part, "world", here), arm),
+        Reach(crowded.put(task.part, "world", here), arm),
+        Reach(world.put(task.part, f"{arm}.tool", T_hand_part), arm, touching(task)),
+        Reach(crowded.put(task.part, f"{arm}.tool", T_hand_part), arm, held),
+        Reach(world.put(task.part, "world", there), arm),
+    )
 
 
 def straight(what: str, path: Floats, carries: bool, reach: Reach) -> Leg:

@@ -184,12 +184,3 @@ def with_stations(problem: Problem, knowledge: Knowledge) -> Problem:
         for name, why in sorted(knowledge.unreached().items()):
             facts.append(Function(words.impossible, (Function(name), Text(why))))
     return replace(problem, statics=(*problem.statics, *facts))
-
-
-def summary(knowledge: Knowledge) -> Sequence[str]:
-    """What is known, in lines for people."""
-    reached = {each.measurement for each in knowledge.poses.values() if each.reached}
-    lines = [
-        f"{len(reached)} measurements are reached: {knowledge.made} poses found, {knowledge.kept} known already"
-    ]
-    return [*lines, *(f"{name} is not reached: {why}" for name, why in sorted(knowledge.unreached().items()))]

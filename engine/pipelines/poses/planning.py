@@ -29,7 +29,10 @@ def plan_with_poses(
     seed: int = 0,
     store: str = "",
 ) -> MovingInspection:
-    """A plan in which every step moves. Poses come from the store, if one is given, and are kept there. Raises `InvalidInput`."""
+    """A plan in which every step moves. Poses come from the store, if one is given, and are kept there. Raises `InvalidInput`.
+
+    Goals about measurements that no station reaches are given up.
+    """
     if not chooses_tools(problem.domain):
         return MovingInspection(plan_moving(problem, cell, backend, planned, seed))
     knowledge = kept_poses(store, problem, cell, backend) if store else known_poses(problem, cell, backend)
@@ -40,4 +43,5 @@ def plan_with_poses(
         if each.reached
     }
     told = with_stations(problem, knowledge)
-    return MovingInspection(plan_moving(told, cell, backend, planned, seed, ways), knowledge)
+    moving = plan_moving(told, cell, backend, planned, seed, ways, knowledge.unreached())
+    return MovingInspection(moving, knowledge)

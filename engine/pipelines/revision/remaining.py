@@ -58,6 +58,6 @@ def left_over(plan: Plan, done: Collection[StepId]) -> Plan:
 
 
 def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Problem, Plan]:
-    """What is left of a problem after some steps of a plan for it, had each done what it should, and the other steps."""
+    """What is left of a problem after some steps of a plan for it if each did what it should; and the other steps."""
     state, _ = history(Dynamics(problem), plan, tuple(done))
     return remaining(problem, state.reached, state.facts), left_over(plan, done)

@@ -37,6 +37,30 @@ class Achievement:
     moved: tuple[Move, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """What of the steps that are done a fault base can come back to: the names of what causes spoil, and of steps since when."""
+
+    doubted: frozenset[str] = frozenset()
+    since: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(cls, model: FaultModel | None) -> "Memory":
+        """What a fault base can come back to; nothing without one."""
+        causes = () if model is None else tuple(model.causes.values())
+        return cls(
+            frozenset(atom.name for cause in causes for atom in cause.spoils),
+            frozenset(step.name for cause in causes for step in cause.since),
+        )
+
+    def keeps(self, work: Achievement) -> bool:
+        """Whether a step that is done may matter later."""
+        if not self.doubted:
+            return False
+        achieved = (*work.added, *(atom for _, _, atom in work.moved))
+        return work.step.name in self.since or any(atom.name in self.doubted for atom in achieved)
+
+
 @dataclass(frozen=True)
 class FaultyCell:
     """A cell in which a step got an exceptional reply. `done` are the steps before it, in order.
@@ -172,7 +196,7 @@ class FaultyCell:
 def history(
     dynamics: Dynamics, plan: Plan, done: Sequence[StepId]
 ) -> tuple[WorldState, tuple[Achievement, ...]]:
-    """The state after some steps of a plan, had each done what it should, and what each of them has achieved."""
+    """The state after some steps of a plan if each did what it should, and what each of them has achieved."""
     state, names = dynamics.start(), set(done)
     achieved = []
     for step in plan.steps:

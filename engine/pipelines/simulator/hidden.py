@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from engine.model.cases import Hypothesis
-from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, World, WorldState
+from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, World, WorldState
 from engine.pipelines.simulation.world import achievement
 from engine.stages.diagnosis.knowledge import CURED
 from engine.stages.diagnosis.revision import binding_of
@@ -92,8 +92,7 @@ class HiddenCell:
         self.domain = CellDomain(self.problem)
         start = self.dynamics.start()
         self._know(start)
-        spoils = [] if self.model is None else [a.name for c in self.model.causes.values() for a in c.spoils]
-        self._kept = frozenset(spoils) if self.injections or self.body else frozenset[str]()
+        self._memory = Memory.of(self.model if self.injections or self.body else None)
 
     def _know(self, state: WorldState) -> None:
         self.world = World(self.problem.chains, set(state.facts), dict(state.reached))
@@ -192,14 +191,11 @@ class HiddenCell:
         return False
 
     def _took(self, step: Function, change: StepChange) -> None:
-        new = [
-            atom
-            for atom in (*change.adds, *change.events)
-            if atom.name in self._kept and atom not in self.world.facts
-        ]
+        new = [atom for atom in (*change.adds, *change.events) if atom not in self.world.facts]
         moved = self.world.apply(change)
-        if new or (moved and self._kept):
-            self.done.append(achievement(len(self.done) + 1, step, new, moved))
+        work = achievement(len(self.done) + 1, step, new, moved)
+        if self._memory.keeps(work):
+            self.done.append(work)
 
     def _blind(self, step: Function) -> str:
         """The reply to a step whose precondition does not hold: how it shows that it cannot be done."""

@@ -17,8 +17,8 @@ from engine.stages.states.tokens import token_types
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import File, read_file
 from kb.loader import domain_of, load, problem_files
-from kb.loader.contact_templates import Templates
 from kb.loader.contacts import load_contacts
+from kb.loader.contacts.templates import Templates
 from kb.loader.reader import Findings, require
 from kb.loader.tree import Node
 from kb.model.contacts import ContactModel

@@ -77,7 +77,7 @@ def _joints(model: ContactModel, lines: Lines) -> None:
 
 
 def _gauges(model: ContactModel, lines: Lines) -> None:
-    """What sensors and clocks can read. The plan knows nothing of it: it is looked at when a step begins."""
+    """What sensors and clocks can read. Plans do not depend on it: the executive reads it when a step begins."""
     looked_at = [each for each in model.restrictions if each.kind is not ConditionKind.JOINT]
     if not looked_at:
         return

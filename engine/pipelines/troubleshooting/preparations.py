@@ -71,11 +71,6 @@ class Preparations:
             self.plans[key] = outcome.plan if isinstance(outcome, Found) else None
         return self.plans[key]
 
-    def plan_for(self, preconditions: tuple[Atom, ...]) -> Plan | None:
-        """The plan that prepares an action from the present state; None if there is none."""
-        present = self.states[0] if self.states else self.semantics.initial()
-        return self.plan_from(present, self.goal(preconditions))
-
     def goal(self, preconditions: Iterable[Atom]) -> Condition:
         """The condition: what the interrupted step does not bind is some object of its type."""
         atoms = bound(preconditions, self.binding)

@@ -8,17 +8,18 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.moves import MovedStep
 from engine.pipelines.moves.walking import Walk, operation_of
-from engine.pipelines.witness.stage import SETTLE_S, Stage, hand_of, value_of
+from engine.pipelines.witness.stage import SETTLE_S, Stage, value_of
+from engine.pipelines.witness.tree import hand_of, is_free
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
-from kb.model.cell import BodyKind
+from kb.model.cell import JointKind
 from kb.model.plan import Step, StepId
 from kb.terms import Atom, Function, match, substitute
 
 NEAR_M, NEAR_SHARE = (
     0.03,
     0.1,
-)  # a body is at its place within so many metres, or this share of its joint's range
+)  # a body is at its place within so many metres, and this share of its joint's range
 FIRST = StepId(1)
 
 Facts = Collection[Atom]
@@ -97,8 +98,8 @@ class Body:
     def _lying(self, facts: Facts) -> Mapping[str, Floats]:
         """Where the parts lie that no fact puts anywhere: poses in the world (4, 4)."""
         placed = self._placed(facts)
-        parts = (name for name, body in self.cell.bodies.items() if body.kind is BodyKind.PART)
-        return {name: self.stage.pose(name) for name in parts if name not in placed}
+        free = (name for name in self.cell.bodies if is_free(self.cell, name))
+        return {name: self.stage.pose(name) for name in free if name not in placed}
 
     def _placed(self, facts: Facts) -> set[str]:
         found = set()
@@ -110,14 +111,14 @@ class Body:
         return found
 
     def _moved(self, before: Facts, after: Facts) -> list[str]:
-        """Parts and joints that two sets of facts put elsewhere, but for the fingers."""
+        """Parts and joints that two sets of facts put elsewhere, except for the fingers."""
         one, other = self._world(before), self._world(after)
         hands = {each for arm in self.cell.arms for each in hand_of(one, arm)}
         return [
             name
             for name, body in self.cell.bodies.items()
             if name not in hands
-            and (body.kind is BodyKind.PART or (body.guide is not None and not body.guide.follows))
+            and (is_free(self.cell, name) or (body.guide is not None and not body.guide.follows))
             and self._differs(name, one, other)
         ]
 
@@ -130,7 +131,8 @@ class Body:
         """Whether a body is where some facts put it. What is in a hand is measured from the hand."""
         world, body = self._world(facts), self.cell.bodies[name]
         if body.guide is not None:
-            wide = abs(body.guide.upper - body.guide.lower)
-            return abs(self.stage.value(name) - value_of(world, name)) <= NEAR_SHARE * wide
+            near = NEAR_SHARE * abs(body.guide.upper - body.guide.lower)
+            near = min(near, NEAR_M) if body.guide.kind is JointKind.PRISMATIC else near
+            return abs(self.stage.value(name) - value_of(world, name)) <= near
         there = self.stage.actual(world).pose("world", name)[:3, 3]
         return float(np.linalg.norm(self.stage.pose(name)[:3, 3] - there)) <= NEAR_M

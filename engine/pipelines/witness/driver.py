@@ -11,11 +11,12 @@ from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.walking import Walk
 from engine.pipelines.simulator import HiddenCell, Simulator, fault_base, number_of, settings_of
 from engine.pipelines.witness.body import Body, Hindrance
+from engine.pipelines.witness.tree import is_free
 from engine.plugins import geometry_backend
 from engine.ports import DriverSetup
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.loader.cell import load_cell
-from kb.model.cell import BodyKind, Cell
+from kb.model.cell import Cell
 from kb.targets import CELL_FILE
 
 OWN = ("friction", "block", "stick")
@@ -51,11 +52,11 @@ def _hindrance(options: Mapping[str, str], cell: Cell) -> Hindrance:
         said = f"a friction of {options['friction']} is no share of a force"
         raise InvalidInput([Diagnostic(Source("--option"), "K107", said, "write friction=0.1")])
     joints = [name for name, body in cell.bodies.items() if body.guide is not None]
-    parts = [name for name, body in cell.bodies.items() if body.kind is BodyKind.PART]
+    parts = [name for name in cell.bodies if is_free(cell, name)]
     return Hindrance(
         friction,
         tuple(_known("block", options, joints, "joint")),
-        tuple(_known("stick", options, parts, "part")),
+        tuple(_known("stick", options, parts, "part or tool")),
     )
 
 

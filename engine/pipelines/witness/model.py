@@ -9,6 +9,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from engine.model.geometry import Floats
+from engine.pipelines.witness.tree import bearer_of, carriers_of, holder_of, is_free
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.parts import cores
 from engine.stages.geometry.world.model import World
@@ -31,7 +32,7 @@ FIRM = (
 def written(world: World) -> str:
     """The model of a world. Its joints are called ARM/JOINT and BODY, its servos like their joints."""
     writer = _Writer(world)
-    tree = "\n".join([*writer.standing("world"), *writer.arms()])
+    tree = "\n".join(writer.standing("world"))
     return f"""<mujoco model={quoteattr(world.cell.name)}>
 <compiler angle="radian" autolimits="true" boundmass="0.01" boundinertia="0.0001"/>
 <option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" jacobian="sparse"><flag sleep="enable"/></option>
@@ -60,33 +61,35 @@ class _Writer:
 
     def __init__(self, world: World) -> None:
         self.world, self.meshes, self.servos, self.followers = world, list[str](), list[str](), list[str]()
-        self.by_hand = dragged_by_hand(world.cell)
+        self.by_hand, self.carriers = dragged_by_hand(world.cell), carriers_of(world)
         self.children: dict[str, list[str]] = {}
         for name in world.cell.bodies:
-            on = world.placed[name].parent
-            while on in world.cell.frames or ("." in on and on.partition(".")[0] in world.cell.bodies):
-                on = world.placed[on].parent
-            self.children.setdefault(on, []).append(name)
+            self.children.setdefault(bearer_of(world, name), []).append(name)
 
     def standing(self, on: str) -> Iterator[str]:
-        """The bodies that stand on a frame, with all that stands on them; parts stand free in the world."""
+        """The bodies and arms that stand on a frame, with all that stands on them; parts and tools are free in the world."""
+        cell = self.world.cell
         for name in self.children.get(on, ()):
-            body = self.world.cell.bodies[name]
-            if body.kind is not BodyKind.PART:
-                yield self._body(name, body, on)
+            if not is_free(cell, name):
+                yield self._body(name, cell.bodies[name], on)
         if on == "world":
-            for name, body in self.world.cell.bodies.items():
-                if body.kind is BodyKind.PART:
-                    T = self.world.pose("world", name)
-                    self.followers.append(
-                        f'<weld name={quoteattr(f"stuck/{name}")} body1={quoteattr(name)} active="false"/>'
-                    )
-                    yield f"<body name={quoteattr(name)} {_at(T)}><freejoint name={quoteattr(name)}/>{self._geoms(name, body)}</body>"
+            for name, body in cell.bodies.items():
+                if is_free(cell, name):
+                    yield self._free(name, body)
+        for name in cell.arms:
+            if bearer_of(self.world, f"{name}.base") == on:
+                yield self._links(name, 0, self.world.pose(on, f"{name}.base"))
 
-    def arms(self) -> Iterator[str]:
-        """Each arm on its base, if nothing in the cell carries it."""
-        for name in self.world.cell.arms:
-            yield self._links(name, 0, self.world.pose("world", f"{name}.base"))
+    def _free(self, name: str, body: Body) -> str:
+        """A part, which may be made to stick where it is; or a tool, which hangs at a latch."""
+        T, known = self.world.pose("world", name), quoteattr(name)
+        if body.kind is BodyKind.PART:
+            weld = f'name={quoteattr(f"stuck/{name}")} body1={known} active="false"'
+        else:
+            holder = quoteattr(holder_of(self.world, name))
+            weld = f"name={quoteattr(f'latch/{name}')} body1={known} body2={holder} {RIGID}"
+        self.followers.append(f"<weld {weld}/>")
+        return f"<body name={known} {_at(T)}><freejoint name={known}/>{self._geoms(name, body)}</body>"
 
     def _body(self, name: str, body: Body, on: str) -> str:
         home = self.world.pose(on, name)
@@ -108,9 +111,9 @@ class _Writer:
             same = f'joint1={quoteattr(name)} joint2={quoteattr(guide.follows)} polycoef="0 1 0 0 0" {RIGID}'
             self.followers.append(f"<joint {same}/>")
         if name not in self.by_hand:
+            most = "" if name in self.carriers else f' forcerange="{-GRIP_N} {GRIP_N}"'
             self.servos.append(
-                f'<position name={quoteattr(name)} joint={quoteattr(name)} kp="{stiff}" kv="{stiff / 20}" '
-                f'forcerange="{-GRIP_N} {GRIP_N}"/>'
+                f'<position name={quoteattr(name)} joint={quoteattr(name)} kp="{stiff}" kv="{stiff / 20}"{most}/>'
             )
         axis = " ".join(map(str, guide.axis))
         return f'<joint name={quoteattr(name)} type="{kind}" axis="{axis}" range="{limits}" damping="{damping}" frictionloss="{rubs}" armature="{0.0 if name in self.by_hand else drive}"/>'

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from engine.model.moves import MovedStep
+from engine.pipelines.moves.places import measured_cell
 from engine.pipelines.moves.states import states_of
 from engine.pipelines.witness.stage import SETTLE_S, Stage, Touched
 from engine.stages.geometry.world.following import following
@@ -19,18 +20,20 @@ from kb.model.plan import Plan
 
 @dataclass(frozen=True, slots=True)
 class Witnessed:
-    """What the physics saw: how long it took, what touched, how far each part is from its place (m), and how far the arm was
-    from its places at most (rad or m)."""
+    """What the physics saw: how long it took, what touched, how far each part is from its place (m), and how far the joints of
+    the arm (rad or m) and the tip of what it holds (m) were from where its motions lead, at most."""
 
     seconds: float
     touched: tuple[Touched, ...]
     off_m: dict[str, float] = field(default_factory=dict)
     off_place: float = 0.0
+    off_tip_m: float = 0.0
 
 
 def played(semantics: Semantics, cell: Cell, plan: Plan, steps: Sequence[MovedStep]) -> Witnessed:
     """The steps of a plan, one after the other in the order of their starts; waiting times are left out."""
     moved = {each.step: each for each in steps}
+    cell = measured_cell(semantics, cell)
     start = following(World.of(cell), semantics.initial())
     stage, last = Stage(start), start
     for step, before, after in states_of(semantics, plan):
@@ -38,4 +41,6 @@ def played(semantics: Semantics, cell: Cell, plan: Plan, steps: Sequence[MovedSt
         if step.id in moved:
             stage.take(moved[step.id], following(World.of(cell), before), last)
     stage.wait(SETTLE_S)
-    return Witnessed(stage.data.time, tuple(stage.touched.values()), stage.off(last), stage.off_place)
+    return Witnessed(
+        stage.data.time, tuple(stage.touched.values()), stage.off(last), stage.off_place, stage.off_tip_m
+    )

@@ -1,6 +1,5 @@
 """The stage on which steps are played: the model of MuJoCo while time goes on, its servos, and what they touch."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,10 +9,12 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep
 from engine.pipelines.moves.walking import operation_of
-from engine.pipelines.witness.model import dragged_by_hand, quaternion, written
+from engine.pipelines.witness.model import STEP_S, dragged_by_hand, quaternion, written
+from engine.pipelines.witness.tools import Latches
+from engine.pipelines.witness.tree import carriers_of, exchanged, hand_of, held_by, in_hand, is_free, worn_by
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
-from kb.model.cell import BodyKind, Cell, JointKind
+from kb.model.cell import BodyKind, JointKind
 
 LOOK_S = 0.01  # how often contacts are looked at
 LEAST_N = 1.0  # a contact with less force is a graze of rounding
@@ -41,11 +42,12 @@ class Stage:
     def __init__(self, world: World) -> None:
         self.world, self.model = world, mujoco.MjModel.from_xml_string(written(world))
         self.data = mujoco.MjData(self.model)
-        tuned(self.model, world.cell)
+        tuned(self.model, world)
         self.by_hand = dragged_by_hand(world.cell)
+        self.tools, self.latches = sorted(exchanged(world.cell)), Latches(self.model, self.data)
         self.targets: dict[str, float] = {}
         self.touched: dict[tuple[int, str, str], Touched] = {}
-        self.off_place, self.step, self.allowed = 0.0, 0, frozenset[str]()
+        self.off_place, self.off_tip_m, self.step, self.allowed = 0.0, 0.0, 0, frozenset[str]()
         self.held: frozenset[str] = frozenset()
         self._drives: dict[str, float] = {}
         for arm, q in world.configurations.items():
@@ -54,6 +56,8 @@ class Stage:
         for name, body in world.cell.bodies.items():
             if body.guide is not None:
                 self._set(name, value_of(world, name))
+        for tool in self.tools:
+            self.latches.hang(tool, world)
         mujoco.mj_forward(self.model, self.data)
 
     def _set(self, joint: str, value: float) -> None:
@@ -80,20 +84,44 @@ class Stage:
         named = {*on, *(place.touches if place is not None else ()), operation.drags}
         self.step = step.step
         for leg in step.legs:
-            self.held = frozenset(_parts(after if leg.kind is LegKind.OUT else before, leg.arm))
+            known = after if leg.kind is LegKind.OUT else before
+            self.held = frozenset(held_by(known, leg.arm))
             self.allowed = frozenset(named) if leg.kind is not LegKind.WAY else frozenset()
+            if leg.kind is LegKind.DRIVE:
+                self._ride(operation.drives, step.takes_s, before, after)
+                continue
             self._follow(leg, operation.drags, before, after)
+            if leg.kind is not LegKind.DRAG:
+                self._note_tip(leg, known)
             if leg.kind is LegKind.IN:
-                q = [
-                    self.data.joint(f"{leg.arm}/{j.name}").qpos[0]
-                    for j in self.world.cell.arms[leg.arm].arm.joints
-                ]
-                self.off_place = max(self.off_place, float(np.abs(np.array(q) - leg.path[-1]).max()))
-                self.held |= frozenset(_parts(after, leg.arm))
+                q = self.actual(before).configurations[leg.arm]
+                self.off_place = max(self.off_place, float(np.abs(q - leg.path[-1]).max()))
+                self.held |= frozenset(held_by(after, leg.arm))
                 self._at_place(leg.arm, step.takes_s, operation.drags, before, after)
             elif leg.kind is LegKind.DRAG:
                 self.fingers(leg.arm, after, closed=False)
                 self.wait(SETTLE_S)
+
+    def _note_tip(self, leg: Leg, world: World) -> None:
+        """Note how far the tip of what the arm holds, else its tool point, is from where the leg leads."""
+        tips = [f"{body}.tip" for body in held_by(world, leg.arm) if f"{body}.tip" in world.placed]
+        frame = tips[0] if tips else f"{leg.arm}.tool"
+        wanted = world.moved(leg.arm, leg.path[-1]).pose("world", frame)[:3, 3]
+        if tips:
+            body = frame.removesuffix(".tip")
+            found = (self.pose(body) @ world.pose(body, frame))[:3, 3]
+        else:
+            found = self.actual(world).pose("world", frame)[:3, 3]
+        self.off_tip_m = max(self.off_tip_m, float(np.linalg.norm(found - wanted)))
+
+    def _ride(self, body: str, seconds: float, before: World, after: World) -> None:
+        """A body takes its arm along: smoothly, from rest to rest."""
+        began, first, last = self.data.time, value_of(before, body), value_of(after, body)
+        while (s := (self.data.time - began) / max(seconds, STEP_S)) < 1.0:
+            self._aim(body, first + s**3 * (10 - 15 * s + 6 * s * s) * (last - first))
+            self._tick()
+        self._aim(body, last)
+        self.wait(CATCH_UP_S)
 
     def _at_place(self, arm: str, takes_s: float, drags: str, before: World, after: World) -> None:
         self.fingers(arm, after, closed=bool(drags))
@@ -101,6 +129,8 @@ class Stage:
             changed = body.guide is not None and abs(value_of(after, name) - value_of(before, name)) > 1e-9
             if changed and name != drags and name not in hand_of(after, arm):
                 self._aim(name, value_of(after, name))
+        for tool in self.tools:
+            self.latches.exchange(tool, before, after)
         self.wait(max(takes_s, SETTLE_S))
 
     def fingers(self, arm: str, world: World, closed: bool) -> None:
@@ -164,7 +194,7 @@ class Stage:
     def _is_hand(self, name: str) -> bool:
         arm = name.partition("/")[0].partition(".")[0]
         return arm in self.world.cell.arms or any(
-            name in _carried(self.world, each) for each in self.world.cell.arms
+            name in worn_by(self.world, each) for each in self.world.cell.arms
         )
 
     def pose(self, body: str) -> Floats:
@@ -192,6 +222,10 @@ class Stage:
         if guide is not None:
             self._set(body, value_of(world, body))
             return
+        if body in self.tools:
+            self.latches.hang(body, self.actual(world))
+            mujoco.mj_forward(self.model, self.data)
+            return
         T = self.actual(world).pose("world", body)
         joint = self.data.joint(body)
         joint.qpos[:3], joint.qpos[3:] = T[:3, 3], quaternion(T[:3, :3])
@@ -214,68 +248,40 @@ class Stage:
         self.model.dof_armature[dof] = BLOCKED_KG if on else self._drives[body]
 
     def stick(self, part: str, on: bool) -> None:
-        """Whether a part sticks where it stood at first."""
+        """Whether a part sticks where it stood at first, or a tool where it hangs."""
+        if part in self.tools:
+            self.latches.stick(part, on)
+            return
         self.data.eq_active[self.model.equality(f"stuck/{part}").id] = int(on)
 
     def off(self, world: World) -> dict[str, float]:
-        """How far each part is from where the facts put it, in m."""
+        """How far each part and each tool that is in no hand is from where the facts put it, in m."""
         found = {}
-        for name, body in world.cell.bodies.items():
-            if body.kind is BodyKind.PART and not _in_hand(world, name):
+        for name in world.cell.bodies:
+            if is_free(world.cell, name) and not in_hand(world, name):
                 there = world.pose("world", name)[:3, 3]
                 found[name] = float(np.linalg.norm(self.data.body(name).xpos - there))
         return found
 
 
-def tuned(model: mujoco.MjModel, cell: Cell) -> None:
-    """Give the servos of all arms the gains of one pace, critically damped for the inertia that each joint has at rest.
+def tuned(model: mujoco.MjModel, world: World) -> None:
+    """Give the servos of all arms, and of what carries them, the gains of one pace, critically damped for the inertia at rest.
 
     The engine balances contacts before it adds the damping of the servos. If damping by far outweighs inertia in a time step, it
     takes the arm for faster than it is, and what is gripped creeps between the fingers.
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    for arm, mounted in cell.arms.items():
-        for joint in mounted.arm.joints:
-            name = f"{arm}/{joint.name}"
-            number, dof = model.actuator(name).id, model.joint(name).dofadr[0]
-            inertia, only = np.zeros(model.nv), np.zeros(model.nv)
-            only[dof] = 1.0
-            mujoco.mj_mulM(model, data, inertia, only)
-            stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
-            model.actuator_gainprm[number, 0] = stiff
-            model.actuator_biasprm[number, 1:3] = -stiff, -damped
-
-
-def _carried(world: World, arm: str) -> Iterator[str]:
-    for body, each in world.cell.bodies.items():
-        if each.kind is not BodyKind.PART and any(
-            on.startswith(f"{arm}.") and on != f"{arm}.base" for on in world.supports(body)[1:]
-        ):
-            yield body
-
-
-def hand_of(world: World, arm: str) -> list[str]:
-    """The bodies with drives of their own on an arm: its fingers."""
-    bodies = world.cell.bodies
-    return [
-        each
-        for each in _carried(world, arm)
-        if (guide := bodies[each].guide) is not None and not guide.follows
-    ]
-
-
-def _in_hand(world: World, body: str) -> bool:
-    return any(body in _parts(world, arm) for arm in world.cell.arms)
-
-
-def _parts(world: World, arm: str) -> list[str]:
-    """The parts that an arm holds."""
-    return [
-        name
-        for name, body in world.cell.bodies.items()
-        if body.kind is BodyKind.PART and world.placed[name].parent == f"{arm}.tool"
-    ]
+    arms = world.cell.arms.items()
+    joints = [f"{arm}/{joint.name}" for arm, mounted in arms for joint in mounted.arm.joints]
+    for name in (*joints, *sorted(carriers_of(world))):
+        number, dof = model.actuator(name).id, model.joint(name).dofadr[0]
+        inertia, only = np.zeros(model.nv), np.zeros(model.nv)
+        only[dof] = 1.0
+        mujoco.mj_mulM(model, data, inertia, only)
+        stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
+        model.actuator_gainprm[number, 0] = stiff
+        model.actuator_biasprm[number, 1:3] = -stiff, -damped
 
 
 def value_of(world: World, body: str) -> float:

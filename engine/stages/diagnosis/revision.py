@@ -1,12 +1,12 @@
 """What a belief means for the world model: how certain assertions are now, and what changes at the end."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 from engine.model.cases import Diagnosis, Hypothesis, Revision
 from kb.model.conditions import Literal, goal_parts
 from kb.model.domain import Domain
 from kb.model.faults import FaultModel
-from kb.terms import Atom, Function, Term, Variable, is_ground, match, substitute, substitute_atom
+from kb.terms import Atom, Function, Term, Variable, substitute, substitute_atom
 
 Binding = Mapping[Variable, Term]
 
@@ -78,24 +78,9 @@ def presupposed(domain: Domain, model: FaultModel, exception: str, binding: Bind
     return bound((substitute_atom(part.atom, names) for part in parts), binding)
 
 
-def revised(state: Sequence[Atom], change: Revision) -> tuple[Atom, ...]:
-    """The facts of a world model after a revision.
-
-    Variables that are left in a withdrawn atom match anything.
-    """
-    kept = [fact for fact in state if not any(fits(atom, fact) for atom, _ in change.withdrawn)]
-    added = [atom for atom, _ in change.asserted if atom not in kept and is_ground(atom)]
-    return tuple([*kept, *added])
-
-
 def bound(atoms: Iterable[Atom], binding: Binding) -> tuple[Atom, ...]:
     """The atoms with variables replaced by the arguments of the step."""
     return tuple(substitute_atom(atom, binding) for atom in atoms)
-
-
-def fits(pattern: Atom, fact: Atom) -> bool:
-    """Whether a fact is an instance of a pattern."""
-    return match(pattern, fact, {}) is not None
 
 
 def _doubted(model: FaultModel, causes: Iterable[str], atom: Atom, binding: Binding) -> bool:

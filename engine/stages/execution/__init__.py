@@ -25,11 +25,12 @@ from engine.stages.execution.events import (
     Threatened,
     Withdrawn,
 )
-from engine.stages.execution.machine import advance, next_time, waits
+from engine.stages.execution.machine import TIMEOUT, advance, next_time, waits
 from engine.stages.execution.program import Activity, Dwell, Program
 from engine.stages.execution.standing import Running, Standing, standing_of
 
 __all__ = [
+    "TIMEOUT",
     "Activity",
     "Began",
     "Completed",

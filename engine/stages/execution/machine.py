@@ -17,7 +17,7 @@ TIMEOUT = "timeout"
 def advance(program: Program, standing: Standing, event: e.Event, now_ms: int) -> Step:
     """What an event leads to at a time of the run's clock: the next standing, and what is to be done, in order."""
     move = TABLE.get((standing.phase, type(event)), _ignored)
-    return move(program, replace(standing, now_ms=now_ms), event)
+    return move(program, standing if standing.now_ms == now_ms else replace(standing, now_ms=now_ms), event)
 
 
 def next_time(program: Program, standing: Standing) -> int | None:
@@ -125,10 +125,14 @@ def _released(standing: Standing) -> tuple[Standing, tuple[e.Dispatch, ...]]:
 
 def _ended(program: Program, standing: Standing, number: int) -> Standing:
     """The standing after a command has done what it should."""
-    standing, activity_id = _without(program, standing, number)
+    activity_id = standing.running[number].activity
     activity = program.activities[activity_id]
-    ready, partly = set(standing.ready), dict(standing.open)
-    begun = {each.activity for each in standing.running.values()}
+    ready, partly, left_running = (
+        set(standing.ready),
+        dict(standing.open),
+        _without(program, standing, number),
+    )
+    begun = {each.activity for each in left_running.values()}
     for later in program.successors[activity_id]:
         if later in begun:
             continue
@@ -146,6 +150,8 @@ def _ended(program: Program, standing: Standing, number: int) -> Standing:
     dwelling |= {dwell: standing.now_ms + dwell.most_ms for dwell in program.ending_in.get(activity_id, ())}
     return replace(
         standing,
+        running=left_running,
+        busy=_released_by(standing, activity_id),
         ready=frozenset(ready),
         open=partly,
         unrested=unrested,
@@ -154,8 +160,8 @@ def _ended(program: Program, standing: Standing, number: int) -> Standing:
     )
 
 
-def _without(program: Program, standing: Standing, number: int) -> tuple[Standing, int]:
-    """The standing without a command that is under way any more, and its activity. The next of its stream begins now."""
+def _without(program: Program, standing: Standing, number: int) -> dict[int, Running]:
+    """What is under way without a command. The next of its stream begins now."""
     running = dict(standing.running)
     activity = running.pop(number).activity
     stream = program.activities[activity].stream
@@ -163,8 +169,19 @@ def _without(program: Program, standing: Standing, number: int) -> tuple[Standin
         following = (n for n, r in sorted(running.items()) if program.activities[r.activity].stream == stream)
         if (following_number := next(following, None)) is not None:
             running[following_number] = Running(running[following_number].activity, standing.now_ms)
-    busy = {resource: each for resource, each in standing.busy.items() if each != activity}
-    return replace(standing, running=running, busy=busy), activity
+    return running
+
+
+def _released_by(standing: Standing, activity: int) -> dict[str, int]:
+    """Who holds which resource when an activity does not any more."""
+    return {resource: each for resource, each in standing.busy.items() if each != activity}
+
+
+def _taken_back(program: Program, standing: Standing, number: int) -> Standing:
+    """The standing without a command; its activity has not ended."""
+    activity = standing.running[number].activity
+    running = _without(program, standing, number)
+    return replace(standing, running=running, busy=_released_by(standing, activity))
 
 
 def _failed(program: Program, standing: Standing, event: e.Event) -> Step:
@@ -178,9 +195,9 @@ def _given_up(program: Program, standing: Standing, failed: Mapping[int, str]) -
     """The step from failures to quiet. An activity that failed is neither done nor ready."""
     failures = list(standing.failures)
     for number, reply in failed.items():
-        since = standing.running[number].since_ms
-        standing, activity = _without(program, standing, number)
-        failures.append(e.Failure(activity, number, reply, since))
+        running = standing.running[number]
+        standing = _taken_back(program, standing, number)
+        failures.append(e.Failure(running.activity, number, reply, running.since_ms))
     first = standing.phase is not Phase.QUIESCING
     standing = replace(standing, failures=tuple(failures), phase=Phase.QUIESCING)
     standing, more = _quiet(program, standing)
@@ -225,7 +242,7 @@ def _withdrawn(program: Program, standing: Standing, event: e.Event) -> Step:
     """Commands that were taken back can be given again; what was queued ahead waits for its predecessors as before."""
     assert isinstance(event, e.Withdrawn)
     for number in (each for each in event.numbers if each in standing.running):
-        standing, _ = _without(program, standing, number)
+        standing = _taken_back(program, standing, number)
     standing = replace(standing, waits={})
     return _quiet(program, standing) if standing.phase is Phase.QUIESCING else (standing, ())
 

@@ -75,21 +75,26 @@ def standing_of(
     busy = {
         r: each.activity for each in underway.values() for r in program.activities[each.activity].resources
     }
-    dwelling = {
-        dwell: when + dwell.most_ms
-        for each, when in (ends or {}).items()
-        for dwell in program.ending_in.get(each, ())
-        if dwell.target not in begun
-    }
-    dwelling |= {
-        dwell: dwell.since_ms + dwell.most_ms
-        for dwell in program.dwells
-        if dwell.since_ms is not None and dwell.target not in begun
-    }
+    dwelling = _dwelling(program, ends or {}, begun)
     return Standing(
         phase, now_ms, number, frozenset(ready), partly, underway, busy, heads, ahead, {}, frozenset(),
         False, dwelling, done=len(finished),
     )  # fmt: skip
+
+
+def _dwelling(program: Program, ends: Mapping[int, int], begun: Collection[int]) -> dict[Dwell, int]:
+    """Until when each thing may stay that waits for a step that has not begun."""
+    found = {
+        dwell: when + dwell.most_ms
+        for each, when in ends.items()
+        for dwell in program.ending_in.get(each, ())
+        if dwell.target not in begun
+    }
+    return found | {
+        dwell: dwell.since_ms + dwell.most_ms
+        for dwell in program.dwells
+        if dwell.since_ms is not None and dwell.target not in begun
+    }
 
 
 def _heads(program: Program, begun: Collection[int]) -> tuple[dict[str, int], frozenset[int]]:

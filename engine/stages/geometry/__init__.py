@@ -1,4 +1,1 @@
-"""Geometry: frames and the world model, arms, parts, collision and the region tree. It plans no motion.
-
-Numba is imported only when a compiled kernel is first called.
-"""
+"""Geometry: frames and the world model, arms, parts, collision and the region tree. It plans no motion."""

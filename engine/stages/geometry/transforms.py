@@ -9,9 +9,7 @@ from engine.kernels.geometry.angles import angle_of
 from engine.kernels.linear import matmul
 from engine.kernels.rigid import apply as apply
 from engine.kernels.rigid import difference as difference
-from engine.kernels.rigid import identity as identity
 from engine.kernels.rigid import inverse as inverse
-from engine.kernels.rigid import is_rigid as is_rigid
 from engine.kernels.rigid import rotation as rotation
 from engine.kernels.rigid import rotation_vector as rotation_vector
 from engine.kernels.rigid import transform as transform

@@ -1,7 +1,6 @@
 """Grasps of a part by parallel jaws: two for each locally convex edge, as Handey takes them (Mazer and others, 4.6.1)."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -124,25 +123,3 @@ def _grasp(
     torque = holds * jaws.pad_m / 3 * float(np.sqrt(1 - share**2))
     margin = torque / max(mass_kg * GRAVITY * arm, 1e-9) if share < 1 else 0.0
     return Grasp((facets[0].name, facets[1].name), width, poses, free, min(margin, 100.0))
-
-
-def clear_of(grasp: Grasp, jaws: ParallelJaws, obstacles: Floats) -> Grasp:
-    """The grasp with those turns alone at which the hand meets none of the triangles (m, 3, 3), in the part's frame.
-
-    Obstacles around the part where it lies make a grasp that can be taken; those around it at its goal, brought back by the
-    part's motion (back-projection), one that can also be let go.
-    """
-    open_ = np.nonzero(grasp.free)[0]
-    free = grasp.free.copy()
-    free[open_] = ~meet(grasp.T_part_hand[open_], *jaws.blocks(grasp.width_m), obstacles)
-    return replace(grasp, free=free)
-
-
-def most_vertical(found: Sequence[Grasp], T_world_part: Floats) -> list[tuple[int, int]]:
-    """The numbers of grasps and of their free turns, those first in which the hand comes most steeply from above."""
-    steep = [
-        (float((T_world_part[:3, :3] @ each.T_part_hand[turn, :3, 2])[2]), n, int(turn))
-        for n, each in enumerate(found)
-        for turn in np.nonzero(each.free)[0]
-    ]
-    return [(n, turn) for _, n, turn in sorted(steep)]

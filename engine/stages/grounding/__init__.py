@@ -35,6 +35,7 @@ from engine.stages.grounding.rows import (
     instances,
     matches,
 )
+from engine.stages.grounding.turns import Turns
 from engine.stages.grounding.universe import Universe
 from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
@@ -154,15 +155,17 @@ class _Grounding:
             self.problem, universe, len(universe.atoms), self.vocabulary.events, holding(Listed(initial))
         )
         batches = Batches(workflow, happenings(self.batches, self.schemas, universe), universe, rules)
+        changes = conditional_changes(self.conditionals, self.schemas, universe)
+        start = bitset([universe.index[atom] for atom in initial])
+        turns = Turns(self.domain, workflow, universe, start, effects, changes, rules)
         supports = self._supports(universe, rules)
         goals = self._goals(universe, supports, rules, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
-        changes = conditional_changes(self.conditionals, self.schemas, universe)
         amounts = amounts_of(self.problem, universe.facts)
-        made = Instances(universe, effects, supports, workflow, batches, numbering, changes, amounts)
+        made = Instances(universe, effects, supports, workflow, batches, turns, numbering, changes, amounts)
         operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
         self.found += [*contradictions(made, universe), *amiss(made)]
-        start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial
+        start |= workflow.initial | goals.initial
         alternatives, completed = goals.compiled(operators, numbering)
         return self._with_axioms(
             _Compiled(

@@ -68,7 +68,7 @@ def expanded(rules: Iterable[Rule], domain: Domain, is_dynamic: Callable[[str], 
 
 
 def _in_order(aggregates: list[StateAggregate], bound: set[Variable]) -> Iterator[StateAggregate]:
-    """The aggregates in an order in which each has its outer variables, but for its own value, from the ones before."""
+    """The aggregates in an order in which each has its outer variables, except for its own value, from the ones before."""
     waiting, known = list(aggregates), set(bound)
     while waiting:
         ready = (each for each in waiting if known.issuperset(set(each.outer) - {_assigned(each, known)}))

@@ -11,16 +11,17 @@ from dataclasses import dataclass, field
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
 from engine.stages.grounding.batches import Batches
 from engine.stages.grounding.closure import Deduction
-from engine.stages.grounding.derived import Supports
+from engine.stages.grounding.derived import Support, Supports
 from engine.stages.grounding.numbering import Numbering
 from engine.stages.grounding.program import Schema, is_conditional, signed
+from engine.stages.grounding.traits import Amiss, Shared
+from engine.stages.grounding.turns import Turns
 from engine.stages.grounding.universe import Universe
-from engine.stages.grounding.workflow import Workflow
+from engine.stages.grounding.workflow import Advance, Workflow
 from kb.asp.tables import Table
-from kb.model.amounts import Amounts, NoAmount
+from kb.model.amounts import Amounts
 from kb.model.domain import Operator
-from kb.model.traits import traits
-from kb.terms import Atom, Function, Term, substitute_atom, variables
+from kb.terms import Atom, Function, substitute_atom
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,19 +81,6 @@ class Changes:
     doubtful: Bits = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Amiss:
-    """An instance of an operator whose duration or cost is no amount: `code`, what is wrong, and what to try."""
-
-    operator: Operator
-    code: str
-    message: str
-    hint: str
-
-
-Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
-
-
 @dataclass
 class Instances:
     """Everything that is needed to turn rows into operators.
@@ -106,6 +94,7 @@ class Instances:
     supports: Supports
     workflow: Workflow
     batches: Batches
+    turns: Turns
     numbering: Numbering
     effects: Mapping[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]
     amounts: Amounts
@@ -136,12 +125,13 @@ class Instances:
         fluents = all(each.positive and not self.universe.is_derived(each.atom) for each in schema.literals)
         effects = schema.operator.effects
         staged = any(each.atom.name in self.workflow.events for each in effects)
+        staged = staged or self.turns.concerns(schema.operator)
         return fluents and not staged and not any(map(is_conditional, effects))
 
     def _plain(self, rows: InstanceRows) -> Iterator[GroundOperator]:
         name, terms = rows.schema.operator.name, self.universe.terms
         closing = _Closing(self, rows)
-        shares = _Shared(rows.schema.operator, self.amounts, self.amiss)
+        shares = Shared(rows.schema.operator, self.amounts, self.amiss)
         arguments, literals, _ = rows.ends
         for row in rows:
             instance = Function(name, tuple([terms[number] for number in row[:arguments]]))
@@ -154,25 +144,37 @@ class Instances:
     def _various(self, rows: InstanceRows) -> Iterator[GroundOperator]:
         operator, terms = rows.schema.operator, self.universe.terms
         closing = _Closing(self, rows)
-        shares = _Shared(operator, self.amounts, self.amiss)
+        shares = Shared(operator, self.amounts, self.amiss)
         arguments, literals, _ = rows.ends
         for row in rows:
             instance = Function(operator.name, tuple([terms[number] for number in row[:arguments]]))
             own = tuple(row[:arguments])
             conditions = signed(rows.schema.literals, row[arguments:literals])
             conditions = (*conditions, *self.batches.conditions(operator.name, own))
+            conditions = (*conditions, *self.turns.conditions(operator.name, own))
             if (shared := shares.of(row, instance)) is None:
                 continue
             supports = self.supports.combinations(conditions)
             effects = tuple(self._conditional(operator, instance, own, conditions))
             events = self._events(operator, instance)
-            for support in supports:
+            for support, advance in itertools.product(supports, self.workflow.advances(events)):
                 base = self.numbering.bits(support)
-                changes = closing.changes(row, base, instance)
-                for advance in self.workflow.advances(events):
-                    needs, adds = base | advance.conditions, changes.adds | advance.adds
-                    deletes = changes.deletes | advance.deletes
-                    yield GroundOperator(instance, needs, adds, deletes, effects, *shared)
+                added = closing.changes(row, base, instance).adds
+                for needs in self._in_turn(support, base, added, advance):
+                    changes = closing.changes(row, needs, instance)
+                    adds, deletes = changes.adds | advance.adds, changes.deletes | advance.deletes
+                    yield GroundOperator(
+                        instance, needs | advance.conditions, adds, deletes, effects, *shared
+                    )
+
+    def _in_turn(self, support: Support, base: Bits, added: Bits, advance: Advance) -> Iterator[Bits]:
+        """The preconditions under which an instance may add some atoms: none of them before its turn."""
+        if not added & self.turns.held:
+            yield base
+            return
+        for way in self.turns.ways(added, advance):
+            for more in self.supports.combinations((*support, *way)):
+                yield self.numbering.bits(more)
 
     def _events(self, operator: Operator, instance: Function) -> list[Atom]:
         changes = (each for each in operator.effects if not is_conditional(each))
@@ -249,48 +251,3 @@ class _Closing:
             made.contradicts(self.operator, instance, added & denied, adds)
         ends = denied | deletes
         return Changes(added, ends & ~added, ends & made.triggers & ~before)
-
-
-class _Shared:
-    """The resources, the duration and the cost of an operator's instances.
-
-    They are computed once for each combination of the arguments that they depend on.
-    """
-
-    def __init__(self, operator: Operator, amounts: Amounts, amiss: dict[tuple[str, str], "Amiss"]) -> None:
-        self.operator, self.amounts, self.amiss = operator, amounts, amiss
-        terms = [
-            *operator.resources,
-            *(each for each in (operator.duration, operator.cost) if each is not None),
-        ]
-        named = {variable for term in terms for variable in variables(term)}
-        alone = any(each.name == operator.name for each in amounts.measured)
-        self.places = [place for place, each in enumerate(operator.variables) if alone or each in named]
-        self.known: dict[tuple[int, ...], Traits | None] = {}
-
-    def of(self, row: list[int], instance: Function) -> Traits | None:
-        """The traits of the instance in `row`; None if one of them has no value, so that there is no such instance."""
-        key = tuple([row[place] for place in self.places])
-        if key not in self.known:
-            self.known[key] = self._evaluated(instance)
-        return self.known[key]
-
-    def _evaluated(self, instance: Function) -> Traits | None:
-        try:
-            found = traits(self.operator, instance, self.amounts)
-        except NoAmount as error:
-            message = f"{error}, so nobody can tell how long {instance} takes or what it costs"
-            self._note("K115", message, error.hint)
-            return None
-        if found is None:
-            return None
-        for name, value in (("duration", found.duration), ("cost", found.cost)):
-            if value < 0:
-                hint = f"a {name} must be 0 or more: exclude such instances in `where:`"
-                self._note("K113", f"the {name} of {instance} is {value}", hint, name)
-        return found.resources, found.duration, found.cost
-
-    def _note(self, code: str, message: str, hint: str, name: str = "") -> None:
-        """Note what is wrong, unless the operator has another instance with the same fault."""
-        key = (self.operator.name, code + name)
-        self.amiss.setdefault(key, Amiss(self.operator, code, message, hint))

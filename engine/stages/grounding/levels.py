@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from engine.kernels.bits import bitset
 from engine.model.axioms import Axioms
-from engine.model.quantities import Change, Comparing, Level, Linear
+from engine.model.quantities import UNBOUNDED, Change, Comparing, Level, Linear, Met
 from engine.model.task import GroundOperator
 from engine.stages.grounding.numbering import Numbering
 from engine.stages.grounding.numeric import Quantities
@@ -36,6 +36,7 @@ class Numbers:
     domain: Domain
     names: list[Atom]
     levels: dict[Function, Level] = field(default_factory=dict)
+    _met: Met = field(default_factory=dict)
     _changes: dict[Function, tuple[Change, ...]] = field(default_factory=dict)
 
     @property
@@ -84,7 +85,9 @@ class Numbers:
             raise InvalidInput([Diagnostic(self.taken.problem.where, "K115", message, hint)])
         if known not in self.levels:
             bounds = self.domain.quantities[known.name]
-            self.levels[known] = Level(known, bounds.low, bounds.high, self.names)
+            low = -UNBOUNDED if bounds.low is None else bounds.low
+            high = UNBOUNDED if bounds.high is None else bounds.high
+            self.levels[known] = Level(known, low, high, self.names, self._met, len(self.levels))
         return self.levels[known]
 
     def _linear(

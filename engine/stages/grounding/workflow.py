@@ -17,7 +17,7 @@ from kb.model.workflow import Holds, begun, lasting, reaches
 from kb.terms import Atom, is_ground, parts_of
 
 
-def _matching(stage: Atom, universe: Universe) -> list[int]:
+def matching(stage: Atom, universe: Universe) -> list[int]:
     """The atoms that reach a fluent stage; `_` in the stage matches everything."""
     if is_ground(stage):
         return [universe.index[stage]] if stage in universe.index else []
@@ -38,6 +38,15 @@ class Advance:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A chain, the bit of each count of its stages, and the last bits of the chains that it waits for."""
+
+    chain: Chain
+    counters: tuple[Bits, ...]
+    waits: Bits
+
+
 class Workflow:
     """The chains of a problem over numbered atoms.
 
@@ -51,6 +60,7 @@ class Workflow:
         self.atoms: list[Atom] = []
         self.initial = self.goal = 0
         self.groups: list[Bits] = []
+        self.courses: list[Course] = []
         self.reaching: list[GroundOperator] = []
         self._event_stages: dict[Atom, list[Advance]] = {}
         self._finished: dict[str, Bits] = {}
@@ -62,7 +72,7 @@ class Workflow:
     def _add(self, chain: Chain, count: int, universe: Universe, first: int) -> None:
         start = first + len(self.atoms)
         self.atoms.extend(stage_atom(chain, reached) for reached in range(len(chain.stages) + 1))
-        counters = [1 << (start + reached) for reached in range(len(chain.stages) + 1)]
+        counters = tuple(1 << (start + reached) for reached in range(len(chain.stages) + 1))
         self.initial |= counters[count]
         self.goal |= counters[-1]
         self.groups.append(sum(counters))
@@ -70,17 +80,18 @@ class Workflow:
         waits = 0
         for earlier in chain.after:
             waits |= self._finished[earlier]
+        self.courses.append(Course(chain, counters, waits))
         for reached, stage in enumerate(chain.stages):
             needed = counters[reached] | (0 if reached else waits)
             advance = Advance(needed, counters[reached + 1], counters[reached])
             if stage.name in self.events:
                 self._event_stages.setdefault(stage, []).append(advance)
             else:
-                matching = [_matching(part, universe) for part in parts_of(stage)]
-                self._reach(advance, chain, reached + 1, itertools.product(*matching))
+                found = [matching(part, universe) for part in parts_of(stage)]
+                self._reach(advance, chain, reached + 1, itertools.product(*found))
         if chain.name in self._lasting:
             for last in self._lasting[chain.name]:
-                self.goal |= bitset(_matching(last, universe))
+                self.goal |= bitset(matching(last, universe))
 
     def _reach(self, advance: Advance, chain: Chain, count: int, choices: Iterable[tuple[int, ...]]) -> None:
         """The internal operators that move a chain to a count while all atoms of some choice hold."""

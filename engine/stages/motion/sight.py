@@ -1,4 +1,4 @@
-"""Lines of sight for a point among boxes: the shortest way of the hand, were it nothing but a point (Lozano-Perez & Wesley 1979).
+"""Lines of sight for a point among boxes: the shortest way of the hand if it were only a point (Lozano-Perez & Wesley 1979).
 
 In space the shortest way touches edges, not corners alone. So a node is where the way from here to the goal over an edge of
 the box in sight is shortest. Nodes are made only where a line is blocked, and A* picks the order.

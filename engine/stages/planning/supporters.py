@@ -10,6 +10,8 @@ be compiled, with the types in `supporters.pxd`. A state is a row of bytes, in w
 from array import array
 from collections.abc import Sequence
 
+from engine.kernels.rows import rows
+
 UNREACHED = 1 << 50
 MOST = 1 << 38  # additive costs are cut off here, because they can double with every step
 
@@ -29,8 +31,8 @@ class Supporters:
     ) -> None:
         self.atoms, self.operators = len(users), len(charges)
         self.charges, self.needed = array("q", charges), array("i", map(len, need))
-        self.add_starts, self.add_items = _rows(add)
-        self.user_starts, self.user_items = _rows(users)
+        self.add_starts, self.add_items = rows(add)
+        self.user_starts, self.user_items = rows(users)
         self.reached, self.depths = _longs(self.atoms), _longs(self.atoms)
         self.supporter = array("i", bytes(4 * self.atoms))
         self.spent, self.ends = _longs(self.operators), _longs(self.operators)
@@ -118,15 +120,6 @@ class Supporters:
             place, child = child, 2 * child + 1
         self.queue[place] = last
         return first
-
-
-def _rows(lists: Sequence[Sequence[int]]) -> "tuple[array[int], array[int]]":
-    """Lists stored one after another: list i is items[starts[i]:starts[i + 1]]."""
-    starts, items = array("i", [0]), array("i")
-    for each in lists:
-        items.extend(each)
-        starts.append(len(items))
-    return starts, items
 
 
 def _longs(length: int) -> "array[int]":

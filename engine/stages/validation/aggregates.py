@@ -17,7 +17,7 @@ GREATEST: Key = (9,)  # the #min of nothing: behind all terms
 
 
 def can_test(aggregate: StateAggregate, bindings: Bindings) -> bool:
-    """Whether the outer variables of an aggregate have values, but for one that takes its value."""
+    """Whether the outer variables of an aggregate have values, except for one that takes its value."""
     taken = _taken(aggregate, bindings)
     return all(variable in bindings or variable == taken for variable in aggregate.outer)
 

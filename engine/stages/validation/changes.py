@@ -38,12 +38,9 @@ class Denial:
         if atom.name != self.pattern.name:
             return False
         found = match(self.pattern, atom, dict(self.bindings))
-        if found is None:
+        if found is None or not well_typed(self.consequence, found, statics):
             return False
-        return (
-            well_typed(self.consequence, found, statics)
-            and next(solve(self.body, statics, found), None) is not None
-        )
+        return not self.body or next(solve(self.body, statics, found), None) is not None
 
 
 @dataclass(frozen=True, slots=True)

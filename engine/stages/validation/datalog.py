@@ -50,7 +50,7 @@ def solve(
     if not body:
         yield dict(bindings)
         return
-    part, rest = _next(body, bindings)
+    part, rest = _next(body, bindings) if len(body) > 1 else (body[0], ())
     for extended in _part(part, facts, bindings, below or facts):
         yield from solve(rest, facts, extended, below)
 

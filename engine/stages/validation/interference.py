@@ -18,7 +18,7 @@ from kb.model.conditions import TRUE, Condition, literals
 from kb.model.domain import Operator
 from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, match, substitute_atom, variables
+from kb.terms import ANYTHING, Atom, Function, Term, is_ground, match, substitute_atom, variables
 
 MAX_UNCERTAIN = 7  # if at most this many atoms are open, every combination is tried
 
@@ -41,6 +41,23 @@ class Executed:
     def deductions(self) -> tuple[Denial, ...]:
         """The denials that come from deductive operators. Each denies every atom that matches it."""
         return tuple(denial for denial in self.change.denials if denial.consequence is not None)
+
+    @cached_property
+    def _changed(self) -> Mapping[tuple[str, Term | None], list[Atom]]:
+        """The atoms that change, by their names, and by their names and first arguments."""
+        found: dict[tuple[str, Term | None], list[Atom]] = {}
+        for atom in (*self.change.adds, *self.change.ends):
+            found.setdefault((atom.name, None), []).append(atom)
+            if atom.arguments:
+                found.setdefault((atom.name, atom.arguments[0]), []).append(atom)
+        return found
+
+    def changes(self, pattern: Atom) -> bool:
+        """Whether the step changes an atom that matches a pattern."""
+        first = pattern.arguments[0] if pattern.arguments and is_ground(pattern.arguments[0]) else None
+        return any(
+            match(pattern, atom, {}) is not None for atom in self._changed.get((pattern.name, first), ())
+        )
 
     def denies(self, atom: Atom, statics: Facts) -> bool:
         """Whether the step denies an atom. The atom need not be true at the moment."""
@@ -97,10 +114,8 @@ class Interference:
         added = needed.false & one.change.adds
         if added:
             return f"{one.step.operator} adds {min(map(str, added))}, which {other.step.operator} needs false"
-        for pattern in sorted(needed.watched, key=str) if needed.watched else ():
-            changed = (*one.change.adds, *one.change.ends)
-            if any(match(pattern, atom, {}) is not None for atom in changed):
-                return f"{one.step.operator} changes {pattern}, which {other.step.operator} depends on"
+        if changed := [str(pattern) for pattern in needed.watched if one.changes(pattern)]:
+            return f"{one.step.operator} changes {min(changed)}, which {other.step.operator} depends on"
         return ""
 
     def _denied(self, executed: Executed, exposed: Iterable[Set[Atom]]) -> set[Atom]:

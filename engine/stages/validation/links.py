@@ -149,12 +149,14 @@ class Links:
 
     def _needs(self, executed: Executed) -> set[Atom]:
         """What a step depends on, as atoms or patterns: its conditions, what it ends with consequences, and the stages
-        that are reached with it because they hold already.
+        that are reached with it because they hold already, or that it makes true in their turn.
         """
         conditions = [executed.operator.precondition, *(e.condition for e in executed.operator.effects)]
         found = {atom for each in conditions for atom in self.plan.mentioned(each, executed.bindings)}
         held = {atom for atom, steps in self._stages_held.items() if executed.step.id in steps}
-        return found | executed.change.triggered | held
+        parts = {part for stage in self.stages.late for part in parts_of(stage)}
+        late = {each for each in parts if any(reaches(atom, each) for atom in executed.change.adds)}
+        return found | executed.change.triggered | held | late
 
     @cached_property
     def _stages_held(self) -> dict[Atom, set[StepId]]:

@@ -95,7 +95,7 @@ class Semantics:
 
     def body(self, body: Body) -> Body:
         """The body; if it has aggregates, the predicate that clingo has evaluated for it."""
-        return self._where.get(body, body) if self.statics else body
+        return self._where.get(body, body) if self.statics and self._where else body
 
     def facts(self, state: Iterable[Atom] | Facts) -> Facts:
         """A state with its derived atoms, on top of the static facts."""

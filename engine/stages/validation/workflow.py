@@ -8,7 +8,18 @@ from engine.stages.validation.facts import Facts
 from kb.model.domain import Domain
 from kb.model.plan import START, StepId
 from kb.model.problem import Chain
-from kb.model.workflow import begun, holding, lasting, next_stages, reaches, settled, those_reaching
+from kb.model.workflow import (
+    begun,
+    holding,
+    in_turn,
+    lasting,
+    late_stages,
+    next_stages,
+    reaches,
+    settled,
+    those_reaching,
+    too_early,
+)
 from kb.terms import Atom, parts_of
 
 Counters = tuple[int, ...]
@@ -38,26 +49,54 @@ class ChainProgress:
 
     def __init__(self, domain: Domain, chains: Sequence[Chain], state: Facts) -> None:
         self.domain, self.chains, self.state = domain, chains, state
+        self.late = late_stages(chains, domain)
+        self.made = {stage: START for stage in self.late if holding(state)(stage)}
+        self.again: list[tuple[StepId, StepId, str]] = []
         counts = begun(chains, holding(state))
         start = tuple(tuple(Reached(s, START) for s in c.stages[: counts[c.name]]) for c in chains)
         self.readings: dict[Counters, Trail] = {tuple(map(len, start)): start}
 
     def step(self, step: StepId, events: Sequence[Atom], adds: frozenset[Atom], state: Facts) -> Atom | None:
-        """Move on by what a step did, to a state; the event that no chain expects now, if there is one."""
+        """Move on by what a step did, to a state.
+
+        Returns the event that no chain expects now, or the stage that is reached before its turn, if there is one.
+        """
         moved: dict[Counters, Trail] = {}
+        early: Atom | None = None
         for reading, trail in self.readings.items():
             for chosen in _chains_of(events, self._waiting(reading)):
                 counts = [count + (index in chosen) for index, count in enumerate(reading)]
                 after = self._settled(counts, state)
+                if (found := self._early(adds, reading, after)) is not None:
+                    early = found
+                    continue
                 longer = tuple(
                     (*own, *self._new(chain, range(before, now), step, (*events, *adds), state))
                     for chain, own, before, now in zip(self.chains, trail, reading, after, strict=True)
                 )
                 moved.setdefault(after, longer)
         if not moved:
-            return events[0]
+            return early or events[0]
+        self._note(step, adds, state)
         self.readings, self.state = moved, state
         return None
+
+    def _note(self, step: StepId, adds: frozenset[Atom], state: Facts) -> None:
+        """Note the step that makes a stage hold that stays, and those that add it again: they come after that step."""
+        for stage in self.late:
+            if any(reaches(atom, part) for atom in adds for part in parts_of(stage)):
+                if stage in self.made:
+                    self.again.append((self.made[stage], step, f"{stage} is reached in its turn"))
+                elif holding(state)(stage):
+                    self.made[stage] = step
+
+    def _early(self, adds: frozenset[Atom], before: Counters, after: Counters) -> Atom | None:
+        """The stage that stays and that a step makes true too early in a reading."""
+        if not self.late:
+            return None
+        names = [chain.name for chain in self.chains]
+        counts = (dict(zip(names, each, strict=True)) for each in (before, after))
+        return too_early(self.late, adds, holding(self.state), in_turn(self.chains, *counts))
 
     def _settled(self, counts: Sequence[int], state: Facts) -> Counters:
         names = [chain.name for chain in self.chains]
@@ -128,6 +167,7 @@ class ChainProgress:
             for name in chain.after:
                 if steps[name] and steps[chain.name]:
                     yield steps[name][-1], steps[chain.name][0], f"{chain.name} comes after {name}"
+        yield from (each for each in self.again if each[0] != START)
 
 
 def _chains_of(events: Sequence[Atom], waiting: Mapping[int, Atom]) -> Iterator[frozenset[int]]:

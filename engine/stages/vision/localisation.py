@@ -23,7 +23,7 @@ BELOW_M = 0.004
 UNSOUND = 0.005  # of the share that agrees, and a tenth of the share of the outline
 ABOVE_M = 0.006  # how far above what carries it a part may seem to be
 RING_PX = 12
-CARRIED = 0.15  # of the surroundings of a part that is above the floor, the share that must be as high as what carries it
+CARRIED = 0.15  # the share of a part's surroundings that must be as high as the part's lower side, if it is above the floor
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def _doubt(best: Hypothesis, demands: Demands) -> str:
 
 
 def same(model: Model, one: Floats, other: Floats) -> bool:
-    """Whether two poses are nearly one, but for symmetries."""
+    """Whether two poses are nearly one, except for symmetries."""
     for S in model.symmetries:
         metres, radians = difference(one @ S, other)
         if metres < NEAR_M and radians < NEAR_RAD:

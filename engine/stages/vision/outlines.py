@@ -20,7 +20,7 @@ PLANAR = 1.5  # of the noise: what a plane block may deviate
 GROWS = 3.5  # of the noise: how far from its plane a region grows
 LEAST_PX = 120
 MOST = 24  # regions
-BEYOND = (2.0, 4.0, 6.0)  # pixels outside the border where is looked
+BEYOND = (2.0, 4.0, 6.0)  # how many pixels outside the border the image is looked at
 STEP = 4.0  # of the noise: what lies farther is beyond an edge
 
 

@@ -19,7 +19,7 @@ from engine.stages.vision.outlines import shrunk
 
 ROUNDS = 6
 AGREES = 3.5  # of the noise
-BEFORE = 10.0  # of the noise: what lies nearer than this before the part hides it; else it contradicts it
+BEFORE = 10.0  # of the noise: what is in front of the part by more hides it; by less, it contradicts it
 EDGE_PX = 0.5  # the standard deviation of a place where the surface ends
 REACH_PX = 5
 POINTS = 1500  # of the surface that are compared in a round, at most

@@ -11,7 +11,7 @@ LIKE_M, LIKE, MOST = (
     0.003,
     0.6,
     6,
-)  # how near a point is to a facet, the share of these, and how many poses are told
+)  # how near points must be to a facet, which share of them must be, and how many poses are given
 APART = 0.02  # entries of poses that differ by less are of one pose
 
 
@@ -41,7 +41,7 @@ def symmetries(solid: Solid) -> tuple[Floats, ...]:
 def likenesses(
     solid: Solid, known: tuple[Floats, ...], points: Floats, normals: Floats
 ) -> tuple[Floats, ...]:
-    """Poses (4, 4) in which most of some points (n, 3) on a solid, with their normals, lie on its facets' planes, but for those that are known.
+    """Poses (4, 4) in which most of some points (n, 3) on a solid, with their normals, lie on its facets' planes, except for those that are known.
     The likest come first.
 
     What tells such a pose from the true one may be hidden. Each maps an edge of the largest facet onto the line of another edge,

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from engine.faces.cli import app
+from engine.faces.monitor.sequences import sequence_picture
 from engine.pipelines import checking
 from engine.pipelines.timetable import wishes_of
 from engine.stages.validation.semantics import Semantics
@@ -147,3 +148,16 @@ def test_times_of_other_names_make_the_same_schedule(tmp_path: Path, monkeypatch
     line = ["schedule problems/two.yaml --format json"]
     first, second = (list(answers(folder, line, monkeypatch)) for folder in (usual, renamed))
     assert first == second
+
+
+def test_the_monitor_draws_the_order_of_measurements(desks: list[Path]) -> None:
+    pictures = []
+    for desk, fact in zip(
+        desks, ("measured(slra, t3_746, meas({}))", "measuredown(slra, t3_746, measown({}))"), strict=True
+    ):
+        steps = [{"id": n, "adds": [fact.format(f"m{n}"), "free"]} for n in (1, 2, 3)]
+        target = (str(desk / "bulkhead/problems/twelve_points.yaml"), "", "")
+        pictures.append(sequence_picture(target, {"steps": steps, "order": [2, 1, 3]}))
+    assert pictures[0] is not None
+    assert "m3" in pictures[0]
+    assert pictures[0] == pictures[1]

@@ -7,11 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kb.asp import Grounder
-from kb.asp.statics import evaluate, evaluated, only_given
+from kb.asp.statements import ParsedStatement, statements
+from kb.asp.statics import evaluate, evaluated, only_given, static_suspects
 from kb.asp.vocabulary import VIOLATED, static_program
+from kb.diagnostics import Source
 from kb.loader import find, load
+from kb.model.domain import Domain, Kind, Predicate, Type
 from kb.model.problem import Problem
-from kb.terms import Atom
+from kb.terms import Atom, Function, Number
 
 TARGETS = ("bulkhead/twelve_points", "themse/one", "bulkhead/both_tools")
 DOMAIN = """domain: shelf
@@ -105,3 +108,32 @@ def test_a_grounder_that_knows_some_facts_goes_on_from_all(tmp_path: Path) -> No
     evaluate(grounder, shelf(tmp_path, '"weight(bolt, 5)"'))
     grounder.ground("_twice(I, 2*W) :- weight(I, W).")
     assert [[str(each) for each in row] for row in grounder.atoms("_twice", 2)] == [["bolt", "10"]]
+
+
+CHAINED = """
+fits(T, M) :- tool(T), point(M).
+better(T, M) :- fits(T, M), fits(U, M), rank(T, P), rank(U, Q), Q < P.
+at(M, X) :- place(M, X, _), fits(_, M).
+crossed(M, N) :- point(M), point(N).
+"""
+
+
+def test_the_bound_on_a_rule_counts_what_its_variables_can_be() -> None:
+    """Two tools and a thousand points: only a rule over pairs of points may have a million instances."""
+    types = {"tool": ("tool",), "point": ("point",), "fits": ("tool", "point"), "rank": ("tool", "int")}
+    types |= {"place": ("point", "int", "int"), "at": ("point", "int"), "better": ("tool", "point")}
+    parsed = statements(CHAINED, lambda line, _column: Source("rules.lp", line))
+    domain = Domain(
+        "shop",
+        {"tool": Type("tool"), "point": Type("point")},
+        predicates={name: Predicate(name, each, Kind.STATIC) for name, each in types.items()},
+        asp=tuple(each.statement for each in parsed if isinstance(each, ParsedStatement)),
+    )
+    points = [f"m{number}" for number in range(1000)]
+    facts = [Function("place", (Function(each), Number(n), Number(n))) for n, each in enumerate(points)]
+    facts += [Function("rank", (Function(each), Number(n))) for n, each in enumerate(("t", "u"))]
+    problem = Problem(
+        "many", domain, {"t": "tool", "u": "tool", **dict.fromkeys(points, "point")}, tuple(facts)
+    )
+    bounds = {each.what.split("(")[0]: each.bound for each in static_suspects(problem)}
+    assert bounds == {"fits": 2_000, "better": 4_000, "at": 2_000, "crossed": 1_000_000}

@@ -11,7 +11,6 @@ from kb.model.octuples import (
     matches,
     numbered,
     parse_octuple,
-    parse_quadruple,
 )
 
 CLASSES = ("MARS_gripper", "THEMSE_drawer", "THEMSE_furnace", "probe")
@@ -54,7 +53,6 @@ def test_the_normal_form_is_read_as_it_was_written(first: Quadruple, second: Qua
     octuple = Octuple(first, second)
     assert parse_octuple(str(octuple)) == octuple
     assert parse_octuple(str(octuple).replace(" ", "\n ")) == octuple
-    assert parse_quadruple(str(first)) == first
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,9 @@
 """PDDL in: a domain file and a problem file become a problem of the same model as our own language.
 
 The reader accepts STRIPS, typing with `either`, negative, disjunctive and quantified conditions, equality, conditional
-effects, derived predicates, action costs and constants (McDermott et al. 1998; Edelkamp & Hoffmann 2004 for the axioms).
-It refuses times, preferences, constraints, and numbers other than action costs; the message names each with its place.
+effects, derived predicates, action costs, constants and numbers (McDermott et al. 1998; Edelkamp & Hoffmann 2004 for the
+axioms; Fox & Long 2003 for numbers). It refuses times, preferences, constraints and numbers that are not linear; the message
+names each with its place.
 """
 
 from collections.abc import Iterator
@@ -12,21 +13,24 @@ from pathlib import Path
 from engine.formats.interop.pddl.conditions import ConditionReader
 from engine.formats.interop.pddl.domain import DomainReader
 from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word, read_document
+from engine.formats.interop.pddl.functions import FunctionReader, Functions, applied
 from engine.formats.interop.pddl.names import NameMapping
+from engine.formats.interop.pddl.polynomials import LARGEST, Unreadable, number_of
 from engine.formats.interop.pddl.scope import typed
-from kb.diagnostics import InvalidInput
+from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.conditions import TRUE, Condition
 from kb.model.problem import Problem
-from kb.numbers import is_count
-from kb.terms import Atom, Function, Number
+from kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)
 class PddlProblem:
-    """A problem, and the PDDL name for each of its names."""
+    """A problem, and the PDDL name for each of its names. A cost of 1 counts as `unit_of_cost`; `warnings` say what is not followed."""
 
     problem: Problem
     names: NameMapping
+    unit_of_cost: int = 1
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 def read_pddl(domain_path: Path, problem_path: Path) -> PddlProblem:
@@ -34,23 +38,24 @@ def read_pddl(domain_path: Path, problem_path: Path) -> PddlProblem:
     reader = DomainReader(read_document(domain_path))
     reader.declare()
     problem_document = read_document(problem_path)
-    task = _ProblemReader(problem_document, reader)
+    functions = FunctionReader(reader.document, problem_document, set(reader.scope.functions)).read()
+    task = _ProblemReader(problem_document, reader, functions)
     problem = task.read()
     if reader.document.found or problem_document.found:
         raise InvalidInput([*reader.document.found, *problem_document.found])
-    return PddlProblem(problem, reader.scope.names)
+    return PddlProblem(problem, reader.scope.names, functions.unit_of_cost, tuple(task.warnings()))
 
 
 class _ProblemReader:
-    def __init__(self, document: Document, domain: DomainReader) -> None:
+    def __init__(self, document: Document, domain: DomainReader, functions: Functions) -> None:
         self.document, self.domain, self.scope = document, domain, domain.scope
-        self.conditions = ConditionReader(document, self.scope)
+        self.functions, self.conditions = functions, ConditionReader(document, self.scope, functions)
         self.objects: dict[str, str] = {}
         self.sections = {part.head: part for part in document.root.rest if isinstance(part, Group)}
 
     def read(self) -> Problem:
         """Read the objects first, because actions of the domain may only name constants; then the facts and the goal."""
-        domain = self.domain.domain()
+        domain = self.domain.domain(self.functions)
         for section, group in self.sections.items():
             if section not in (
                 ":domain",
@@ -110,20 +115,35 @@ class _ProblemReader:
             yield atom, part.head in self.domain.static
 
     def _value(self, part: Group) -> Iterator[tuple[Atom, bool]]:
-        """The value of a static function."""
-        left, right = part.rest if len(part.rest) == 2 else (part, part)
-        head = left.head if isinstance(left, Group) else ""
-        if head not in self.scope.functions or not isinstance(right, Word) or not is_count(right.text):
-            hint = "costs are whole numbers"
+        """The value of a function at the start."""
+        function, value = (
+            (applied(part.rest[0]), number_of(part.rest[1])) if len(part.rest) == 2 else (None, None)
+        )
+        if function is None or value is None or function.head not in self.functions.declared:
+            hint = "a number is whole or decimal, with at most 12 decimals: (= (fuel truck) 20.5)"
             self.document.add(part, "K802", "this initial value is not supported", hint)
-        elif head != "total-cost" and isinstance(left, Group):
-            signature = self.scope.functions[head]
-            given = zip(left.rest, signature, strict=False)
-            arguments = tuple(self.conditions.term(each, type_, {}) for each, type_ in given)
-            yield (
-                Function(self.scope.names.of("predicate", head), (*arguments, Number(int(right.text)))),
-                True,
-            )
+        elif function.head not in self.functions.ignored:
+            numbers = self.conditions.numbers
+            try:
+                read = self.conditions.function(function, {})
+            except Unreadable as wrong:
+                self.document.add(part, "K101", wrong.why)
+                return
+            if abs(value * self.functions.unit(function.head)) > LARGEST:
+                self.document.add(
+                    part, "K802", f"{value} is too large", f"as a whole number it exceeds {LARGEST}"
+                )
+            static = function.head not in self.functions.changing
+            if static:
+                numbers.known[read] = value
+            yield numbers.value(read, value), static
+
+    def warnings(self) -> Iterator[Diagnostic]:
+        """What plans do not follow."""
+        if self.functions.unfollowed:
+            where = self.document.where(self.sections[":metric"])
+            message = f"the metric is not followed: {self.functions.unfollowed}"
+            yield Diagnostic(where, "K802", message, "every step costs 1", True)
 
 
 __all__ = ["PddlProblem", "read_pddl", "typed"]

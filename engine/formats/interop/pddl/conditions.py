@@ -3,28 +3,17 @@
 from collections.abc import Iterator, Mapping
 
 from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
+from engine.formats.interop.pddl.functions import CHANGES, Functions, applied
+from engine.formats.interop.pddl.numbers import NumberReader
+from engine.formats.interop.pddl.polynomials import ARITHMETIC, Unreadable, number_of
 from engine.formats.interop.pddl.scope import Scope
 from kb.diagnostics import nearest
 from kb.model.conditions import TRUE, And, Comparison, Condition, Exists, ForAll, Literal, Not, Or, Parameter
 from kb.model.domain import OBJECT, Effect
-from kb.numbers import is_count
-from kb.terms import Atom, Function, Number, Term, Variable
+from kb.model.normalise import NEGATED
+from kb.terms import Atom, Function, Term, Variable
 
-NUMERIC = {
-    "<",
-    ">",
-    "<=",
-    ">=",
-    "+",
-    "-",
-    "*",
-    "/",
-    "increase",
-    "assign",
-    "scale-up",
-    "scale-down",
-    "decrease",
-}
+COMPARISONS = ("<", ">", "<=", ">=")
 TEMPORAL = {
     "at",
     "over",
@@ -42,8 +31,9 @@ Types = Mapping[Variable, str]
 class ConditionReader:
     """Reads the conditions and effects of one document."""
 
-    def __init__(self, document: Document, scope: Scope) -> None:
+    def __init__(self, document: Document, scope: Scope, functions: Functions | None = None) -> None:
         self.document, self.scope = document, scope
+        self.numbers = NumberReader(document, scope.names, functions or Functions())
 
     def condition(self, at: Expression, types: Types) -> Condition:
         """A condition. A wrong part is reported and replaced by true."""
@@ -65,12 +55,15 @@ class ConditionReader:
                 return Or((self._negated(premise), conclusion))
             case "exists" | "forall" if len(at.rest) == 2 and isinstance(at.rest[0], Group):
                 return self._quantified(at, types)
-            case "=":
-                return self._equality(at, types)
             case _:
-                return self._literal(at, types)
+                return self._simple(at, types)
 
-    def _literal(self, at: Group, types: Types) -> Condition:
+    def _simple(self, at: Group, types: Types) -> Condition:
+        """A comparison or a literal."""
+        if at.head == "=":
+            return self._equality(at, types)
+        if at.head in COMPARISONS:
+            return self.numbers.comparison(at, lambda group: self.function(group, types))
         atom = self.atom(at, types)
         return TRUE if atom is None else Literal(atom)
 
@@ -78,8 +71,8 @@ class ConditionReader:
         match condition:
             case Literal(atom, positive):
                 return Literal(atom, not positive)
-            case Comparison(left, "=", right):
-                return Comparison(left, "!=", right)
+            case Comparison(left, relation, right):
+                return Comparison(left, NEGATED[relation], right)
             case _:
                 return Not(condition)
 
@@ -91,16 +84,33 @@ class ConditionReader:
         return Exists(parameters, inner) if at.head == "exists" else ForAll(parameters, inner)
 
     def _equality(self, at: Group, types: Types) -> Condition:
-        if len(at.rest) != 2 or any(isinstance(part, Group) for part in at.rest):
-            self._unsupported(at, "numeric fluents")
+        """Two numbers are equal, or two objects are the same one."""
+        if any(self._is_number(part) for part in at.rest):
+            return self.numbers.comparison(at, lambda group: self.function(group, types))
+        if len(at.rest) != 2:
+            self.document.add(at, "K102", "'=' compares two objects, or two numbers")
             return TRUE
         left, right = (self.term(part, OBJECT, types) for part in at.rest)
         return Comparison(left, "=", right)
 
+    def _is_number(self, at: Expression) -> bool:
+        if isinstance(at, Word):
+            return number_of(at) is not None or at.text in self.scope.functions
+        return at.head in ARITHMETIC or at.head in self.scope.functions
+
+    def function(self, at: Group, types: Types) -> Function:
+        """A numeric function with its arguments. Raises `Unreadable`."""
+        signature = self.scope.functions.get(at.head)
+        if signature is None:
+            near = nearest(at.head, list(self.scope.functions))
+            raise Unreadable(at, f"there is no function '{at.head}'{f' ({near})' if near else ''}")
+        if len(at.rest) != len(signature):
+            raise Unreadable(at, f"{at.head} takes {len(signature)} arguments, not {len(at.rest)}")
+        arguments = (self.term(part, type_, types) for part, type_ in zip(at.rest, signature, strict=True))
+        return Function(self.scope.names.of("predicate", at.head), tuple(arguments))
+
     def _unsupported(self, at: Expression, what: str) -> None:
-        hint = (
-            "only classical planning is supported: no times, no preferences, no numbers except action costs"
-        )
+        hint = "no times, preferences, constraints and object fluents are read"
         self.document.add(at, "K802", f"{what} are not supported", hint)
 
     def atom(self, at: Group, types: Types) -> Atom | None:
@@ -116,8 +126,10 @@ class ConditionReader:
         return Function(self.scope.names.of("predicate", at.head), tuple(arguments))
 
     def _unknown(self, at: Group) -> None:
-        if at.head in NUMERIC or at.head in self.scope.functions:
-            self._unsupported(at, "numeric fluents")
+        if at.head in self.scope.functions:
+            self.document.add(
+                at, "K103", f"'{at.head}' is a number, not a condition", "compare it: (>= (...) 1)"
+            )
         elif at.head in TEMPORAL:
             self._unsupported(at, "temporal conditions, preferences and timed literals")
         else:
@@ -152,7 +164,7 @@ class ConditionReader:
     def effects(
         self, at: Expression, types: Types, local: tuple[Parameter, ...] = (), when: Condition = TRUE
     ) -> Iterator[Effect]:
-        """The effects of an action, without increases of the total cost: `cost` reads those."""
+        """The effects of an action but those on numbers."""
         if isinstance(at, Word):
             self.document.add(at, "K801", f"'{at.text}' is not an effect", "write effects in parentheses")
             return
@@ -167,8 +179,8 @@ class ConditionReader:
             case "when" if len(at.rest) == 2:
                 condition = self.condition(at.rest[0], types)
                 yield from self.effects(at.rest[1], types, local, And((when, condition)))
-            case "increase" if _is_total_cost(at):
-                return
+            case head if head in CHANGES:
+                self._known(at)
             case _:
                 yield from self._effect(at, types, local, when)
 
@@ -180,42 +192,10 @@ class ConditionReader:
         if atom is not None:
             yield Effect(atom, inner is at, local, when)
 
-    def cost(self, at: Expression, types: Types) -> tuple[Term | None, Literal | None, Group | None]:
-        """The cost of an action: a number, or the value of a static function with the literal that gives it."""
-        for group in _increases(at):
-            value = group.rest[1] if len(group.rest) == 2 else group
-            if isinstance(value, Word) and is_count(value.text):
-                return Number(int(value.text)), None, group
-            if isinstance(value, Group) and value.head in self.scope.functions and value.head != "total-cost":
-                signature = self.scope.functions[value.head]
-                given = zip(value.rest, signature, strict=False)
-                arguments = tuple(self.term(part, type_, types) for part, type_ in given)
-                variable = Variable("Cost__")
-                name = self.scope.names.of("predicate", value.head)
-                return variable, Literal(Function(name, (*arguments, variable))), group
-            self._unsupported(value, "costs other than whole numbers and static functions")
-        return None, None, None
-
-
-def _increases(at: Expression) -> Iterator[Group]:
-    if isinstance(at, Group):
-        if (
-            at.head == "increase"
-            and at.rest
-            and isinstance(at.rest[0], Group)
-            and at.rest[0].head == "total-cost"
-        ):
-            yield at
-        elif at.head == "and":
-            for part in at.rest:
-                yield from _increases(part)
-
-
-def _is_total_cost(at: Group) -> bool:
-    """Whether an effect increases the total cost."""
-    return (
-        at.head == "increase"
-        and bool(at.rest)
-        and isinstance(at.rest[0], Group)
-        and at.rest[0].head == "total-cost"
-    )
+    def _known(self, at: Group) -> None:
+        """Report what is no change of a number."""
+        changed = applied(at.rest[0]) if len(at.rest) == 2 else None
+        if changed is None or changed.head not in self.scope.functions:
+            self.document.add(
+                at, "K801", f"'{at.head}' changes a function by an amount", "write (increase (f ?x) 1)"
+            )

@@ -1,14 +1,17 @@
 """The domain file of a PDDL task."""
 
+import functools
 from collections.abc import Iterator, Sequence
 
 from engine.formats.interop.pddl.conditions import ConditionReader
 from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
+from engine.formats.interop.pddl.functions import Functions
+from engine.formats.interop.pddl.numbers import bindings
 from engine.formats.interop.pddl.scope import Scope, typed
-from kb.model.conditions import TRUE, And, BodyPart, Condition, Literal, Parameter
-from kb.model.domain import BUILT_IN_TYPES, OBJECT, Domain, Effect, Kind, Operator, Predicate, Rule, Type
+from kb.model.conditions import TRUE, And, Condition, Literal, Parameter
+from kb.model.domain import BUILT_IN_TYPES, OBJECT, Domain, Kind, Operator, Predicate, Quantity, Rule, Type
 from kb.model.normalise import Normaliser
-from kb.terms import Function, Number, Term
+from kb.terms import Function
 
 SECTIONS = (
     "domain", ":requirements", ":types", ":constants", ":predicates", ":functions", ":action", ":derived",
@@ -32,6 +35,7 @@ class DomainReader:
             name for action in self._all(":action") for name in _changed(_field(action, ":effect"))
         }
         self.static: set[str] = set()
+        self.functions = Functions()
 
     def _all(self, section: str) -> list[Group]:
         return [group for group in self.groups if group.head == section]
@@ -96,9 +100,10 @@ class DomainReader:
                 listed = self.scope.parameters(self.document, part.rest)
                 self.scope.functions[part.head] = tuple(parameter.type for parameter in listed)
 
-    def domain(self) -> Domain:
-        """The domain: everything that was declared, with the actions and axioms."""
+    def domain(self, functions: Functions) -> Domain:
+        """The domain: everything that was declared, with the actions and axioms; `functions` are those of the task."""
         names = self.scope.names
+        self.functions = self.conditions.numbers.functions = functions
         operators = tuple(self._action(group) for group in self._all(":action"))
         rules = tuple(rule for group in self._all(":derived") for rule in self._axiom(group))
         constants = {names.of("object", name): type_ for name, type_ in self.constants.items()}
@@ -112,7 +117,13 @@ class DomainReader:
             rules=rules,
             asp=tuple(each for union in self.scope.unions.values() for each in union),
             path=self.document.file.path,
+            quantities={
+                name: Quantity(name, None, None) for name in map(self._predicate, sorted(functions.changing))
+            },
         )
+
+    def _predicate(self, name: str) -> str:
+        return self.scope.names.of("predicate", name)
 
     def _name(self) -> str:
         group = next(iter(self._all("domain")), None)
@@ -127,8 +138,9 @@ class DomainReader:
             )
             yield Predicate(names.of("predicate", name), types, kind)
         for name, types in self.scope.functions.items():
-            if name != "total-cost":
-                yield Predicate(names.of("predicate", name), (*types, "int"), Kind.STATIC)
+            if name not in self.functions.ignored:
+                kind = Kind.FLUENT if name in self.functions.changing else Kind.STATIC
+                yield Predicate(names.of("predicate", name), (*types, "int"), kind)
 
     def _action(self, group: Group) -> Operator:
         word = group.rest[0] if group.rest else group
@@ -138,29 +150,26 @@ class DomainReader:
         listed = _field(group, ":parameters")
         parameters = self.scope.parameters(self.document, listed.parts if isinstance(listed, Group) else ())
         types = {parameter.variable: parameter.type for parameter in parameters}
-        needed, changes = _field(group, ":precondition"), _field(group, ":effect")
-        effects: tuple[Effect, ...] = ()
-        cost: Term | None = Number(0) if "total-cost" in self.scope.functions else None
-        body: tuple[BodyPart, ...] = ()
-        if changes is not None:
-            effects = tuple(self.conditions.effects(changes, types))
-            value, literal, _ = self.conditions.cost(changes, types)
-            cost = value or cost
-            if literal is not None and value is not None:
-                body = (literal,)
-                parameters = (*parameters, Parameter(literal.atom.arguments[-1], "int"))  # type: ignore[arg-type]
+        needed, effect = _field(group, ":precondition"), _field(group, ":effect")
+        numbers = self.conditions.numbers
+        numbers.bound, numbers.outer = {}, frozenset(types)
         precondition: Condition = TRUE if needed is None else self.conditions.condition(needed, types)
-        where = self.document.where(group)
+        effects = tuple(self.conditions.effects(effect, types)) if effect is not None else ()
+        read = functools.partial(self.conditions.function, types=types)
+        changes, apart = numbers.changes(effect, read)
+        cost = numbers.cost(effect, read)
+        body, values = bindings(numbers.bound)
+        numbers.bound = None
         return Operator(
             self.scope.names.of("operator", name),
-            parameters,
+            (*parameters, *values),
             precondition,
-            effects,
-            body,
+            (*effects, *changes),
+            (*body, *apart),
             (),
             None,
             cost,
-            where=where,
+            where=self.document.where(group),
         )
 
     def _axiom(self, group: Group) -> Iterator[Rule]:

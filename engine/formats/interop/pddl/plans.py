@@ -1,6 +1,7 @@
 """Plans in the format of the planning competitions: one action per line, in order."""
 
 from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 
 from engine.formats.interop.pddl import PddlProblem
@@ -21,13 +22,15 @@ def write_plan(task: PddlProblem, plan: Plan) -> str:
     lines = [
         f"({' '.join(_words(task, operators[step.operator.name], step.operator))})" for step in plan.steps
     ]
-    return "\n".join([*lines, f"; cost = {plan.cost}"]) + "\n"
+    cost = Fraction(plan.cost, task.unit_of_cost)
+    said = cost if cost.denominator == 1 else float(cost)
+    return "\n".join([*lines, f"; cost = {said}"]) + "\n"
 
 
 def _words(task: PddlProblem, operator: Operator, instance: Function) -> Iterator[str]:
     yield task.names.original("operator", instance.name)
     for parameter, argument in zip(operator.parameters, instance.arguments, strict=True):
-        if parameter.type not in NUMERIC_TYPES:  # in PDDL, costs are not arguments
+        if parameter.type not in NUMERIC_TYPES:  # in PDDL, values are not arguments
             yield task.names.original("object", str(argument))
 
 
@@ -63,16 +66,16 @@ def _instance(
         parameter.variable: Function(task.names.of("object", word))
         for parameter, word in zip(plain, words[1:], strict=True)
     }
-    bindings |= _costs(task, operator, bindings)
+    bindings = _values(task, operator, bindings)
     return Function(operator.name, tuple(bindings.get(v, Number(0)) for v in operator.variables))
 
 
-def _costs(task: PddlProblem, operator: Operator, bindings: dict[Variable, Term]) -> dict[Variable, Term]:
-    """The value of the cost argument, read from a static fact."""
+def _values(task: PddlProblem, operator: Operator, bindings: dict[Variable, Term]) -> dict[Variable, Term]:
+    """The arguments that are values of functions, read from static facts."""
+    found = dict(bindings)
     for part in operator.body:
         if isinstance(part, Literal):
-            pattern = substitute_atom(part.atom, bindings)
-            for fact in task.problem.statics:
-                if (extended := match(pattern, fact, {})) is not None:
-                    return extended
-    return {}
+            pattern = substitute_atom(part.atom, found)
+            matched = (match(pattern, fact, {}) for fact in task.problem.statics)
+            found |= next((each for each in matched if each is not None), {})
+    return found

@@ -47,11 +47,10 @@ class Beliefs:
         """
         self.actions, self.outcomes, self.causes = likelihoods.shape
         self.conclusions, self.changes = len(losses), len(costs)
-        table, row = (self.actions, self.outcomes), (self.actions,)
-        agree = ends.shape == table and repairs.shape == shifts.shape == widths.shape == row
-        agree = agree and costs.shape == following.shape == (self.changes, self.actions)
-        agree = agree and shown.shape == (self.actions, self.causes)
-        if not agree or losses.shape[1:] != (self.causes,) or known.shape != (self.causes,):
+        a, o, c, k = self.actions, self.outcomes, self.causes, self.changes
+        arrays = (ends, repairs, shifts, widths, costs, following, shown, losses, known)
+        shapes = [(a, o), (a,), (a,), (a,), (k, a), (k, a), (a, c), (len(losses), c), (c,)]
+        if [each.shape for each in arrays] != shapes:
             raise ValueError(f"the arrays of a problem do not fit likelihoods {likelihoods.shape}")
         self.sets = (self.causes + 63) >> 6
         bits = int((shifts + widths).max(initial=situations))

@@ -23,7 +23,7 @@ def attached(
     """The checker of the scene in which a body moves with another carrier from now on; on carrier 0 it is put down.
 
     `T_new_old` (4, 4) is the pose of the body's carrier up to now in the new one. The body is checked against all that is on
-    other carriers, but for the `allowed` pairs of names. Raises `ValueError` for an unknown body or carrier.
+    other carriers, except for the `allowed` pairs of names. Raises `ValueError` for an unknown body or carrier.
     """
     scene = checker.scene
     mine = _of(scene, {body})
@@ -57,7 +57,7 @@ def _of(scene: Scene, bodies: set[str]) -> Truths:
 
 
 def _pairs(scene: Scene, pieces: tuple[Piece, ...], mine: Truths, may: Truths) -> Longs:
-    """The pairs without the body's, and then the body's with all that is on other carriers, but for what `may` touch it."""
+    """The pairs without the body's, and then the body's with all that is on other carriers, except for what `may` touch it."""
     old = scene.pairs.reshape(-1, 2)
     kept = old[~mine[old].any(axis=1)]
     carrier = np.array([piece.carrier for piece in pieces])

@@ -137,8 +137,8 @@ def reaches(joints: Joints, pieces: Pieces) -> Floats:
     travel = np.where(joints.prismatic, travelled(joints), 0.0)
     ball = np.linalg.norm(pieces.bounds[:, :3], axis=1) + pieces.bounds[:, 3]
     found = np.zeros((joints.count, pieces.count))
-    for carrier in np.unique(pieces.carrier):
-        on, far, joint = pieces.carrier == carrier, 0.0, int(carrier) - 1
+    for carrier in sorted(set(pieces.carrier.tolist())):
+        on, far, joint = pieces.carrier == carrier, 0.0, carrier - 1
         while joint >= 0:
             found[joint, on] = 1.0 if joints.prismatic[joint] else far + ball[on]
             far += float(steps[joint] + travel[joint])

@@ -37,7 +37,7 @@ def reachable(scene: Scene, moving: Pieces, standing: Pieces) -> Truths:
     anchors, reach = _reaches(scene.joints)
     far = reach[moving.carrier] + np.linalg.norm(moving.bounds[:, :3], axis=1) + moving.bounds[:, BALL]
     found = np.zeros(standing.count, dtype=bool)
-    for carrier in np.unique(moving.carrier):
+    for carrier in sorted(set(moving.carrier.tolist())):
         around = np.broadcast_to(anchors[carrier], (standing.count, 3))
         found |= _block_gap(standing.bounds, around) <= far[moving.carrier == carrier].max()
     return found

@@ -32,10 +32,9 @@ def tree_of(scene: Scene) -> RegionTree:
 class RegionChecker:
     """A scene's arms, or its body that flies free, against a region tree."""
 
-    def __init__(self, scene: Scene, tree: RegionTree | None = None) -> None:
-        """`tree` holds what stands in the scene, by the names of its bodies; made from the scene when not given."""
+    def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self.tree = tree or tree_of(scene)
+        self.tree = tree_of(scene)
         self._asking = [piece for piece in scene.pieces if piece.carrier != 0]
         self._pieces = pack(self._asking)
         self._pairs = self._moving_pairs()

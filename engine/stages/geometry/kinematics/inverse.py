@@ -9,7 +9,6 @@ joints is solved with one of them held, if the other six have such a form: its v
 
 import math
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from engine.stages.geometry.kinematics.forms import PROBED, Form, Solver, form_o
 from engine.stages.geometry.kinematics.search import EXACT, missed, polished, pose_error, searched
 from engine.stages.geometry.stretches import in_stretches
 
-__all__ = ["Branches", "InverseKinematics", "Solver", "polished", "pose_error", "turns"]
+__all__ = ["Branches", "InverseKinematics", "Solver", "polished", "pose_error"]
 
 HELD = 16  # values of a joint that is held, when none are given
 NEARLY = 1e-2  # metres and radians: what misses by more is no branch, and not polished
@@ -171,13 +170,3 @@ def _closed(form: Form, displaced: Floats) -> tuple[Floats, Floats]:
 
     in_stretches(len(displaced), look)
     return (np.ascontiguousarray(q[..., ::-1]) if form.backwards else q), residual
-
-
-def turns(model: ArmModel, q: Floats) -> Floats:
-    """Every configuration within the joint limits that differs from q (k,) by whole turns alone (m, k)."""
-    choices = []
-    for index, value in enumerate(q):
-        shifts = [0.0] if model.joints.prismatic[index] else [-2 * np.pi, 0.0, 2 * np.pi]
-        inside = [value + s for s in shifts if model.within_limits_of(index, value + s)]
-        choices.append(inside)
-    return np.array(list(product(*choices))).reshape(-1, len(q))

@@ -12,7 +12,7 @@ STARTS = 48  # random configurations of one round
 QUIET = 3  # rounds without a new branch after which a search ends
 ROUNDS = 24
 SAME = 1e-6  # two configurations that differ by less are one
-REGULAR = 6  # with so many joints a pose has finitely many branches, but for singular ones
+REGULAR = 6  # with so many joints a pose has finitely many branches, except for singular ones
 
 
 def searched(model: ArmModel, poses: Floats, seed: int) -> tuple[Floats, Truths]:

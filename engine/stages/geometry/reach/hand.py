@@ -6,7 +6,8 @@ from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Piece, Scene
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel
-from engine.stages.geometry.kinematics.inverse import InverseKinematics, turns
+from engine.stages.geometry.kinematics.inverse import InverseKinematics
+from engine.stages.geometry.kinematics.turning import turns
 from engine.stages.geometry.world.model import World
 
 

@@ -16,7 +16,8 @@ from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Contact, Floats
 from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.inverse import Branches, InverseKinematics, turns
+from engine.stages.geometry.kinematics.inverse import Branches, InverseKinematics
+from engine.stages.geometry.kinematics.turning import nearest_turns
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import scene_of
 from kb.model.cell import Place
@@ -107,12 +108,7 @@ class Reachability:
         """Every branch of every pose that can be within the limits, with the whole turns that bring it
         nearest to the arm's present configuration.
         """
-        model, now = self._world.models[arm], self._world.configurations[arm]
-        kept = []
-        for q in found.q[found.valid]:
-            inside = turns(model, q)
-            kept += [inside[np.argmin(np.abs(inside - now).max(axis=1))]] if len(inside) else []
-        return np.array(kept).reshape(-1, len(now))
+        return nearest_turns(self._world.models[arm], found.q[found.valid], self._world.configurations[arm])
 
     def whole(self, place: Place, q: Floats) -> Floats:
         """Configurations of all arms: those given for one arm, with the other arms as they stand."""

@@ -11,7 +11,7 @@ import numpy as np
 from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.inverse import turns
+from engine.stages.geometry.kinematics.turning import turns
 from engine.stages.geometry.reach.hand import ArmHand
 
 STRAY_M, STRAY_RAD = 5e-4, 5e-3
@@ -50,7 +50,7 @@ def straight(hand: ArmHand, start: Floats, T_goal: Floats) -> Floats | Broken:
 def _at_once(hand: ArmHand, ends: tuple[Floats, Floats], start: Floats, parts: int) -> Floats | None:
     """The configurations (parts + 1, k) at even shares of the line, if that suffices; most lines are so easy."""
     marks = np.linspace(0.0, 1.0, 2 * parts + 1)[1:]
-    poses = np.array([_on(ends, float(share)) for share in marks])
+    poses = _on(ends, marks)
     path = np.concatenate([start[None], hand.followed(poses[1::2], start)])
     if len(path) <= parts or np.abs(np.diff(path, axis=0)).max() > JUMP_RAD:
         return None
@@ -62,13 +62,13 @@ def _reach_on(
     hand: ArmHand, ends: tuple[Floats, Floats], shares: tuple[float, float], q: Floats, halvings: int
 ) -> list[Floats] | Broken:
     """The configurations after `q` (k,) between two shares of the line, as many as it takes."""
-    there = _next(hand, _on(ends, shares[1])[None], q, shares[1])
+    there = _next(hand, _on(ends, np.array(shares[1:])), q, shares[1])
     middle = (shares[0] + shares[1]) / 2
     if isinstance(there, Broken) and halvings == 0:
         return there
     if not isinstance(there, Broken):
         halfway = hand.poses(((q + there) / 2)[None])[0]
-        metres, radians = transforms.difference(_on(ends, middle), halfway)
+        metres, radians = transforms.difference(_on(ends, np.array([middle]))[0], halfway)
         if (metres <= STRAY_M and radians <= STRAY_RAD) or halvings == 0:
             return [there]
     first = _reach_on(hand, ends, (shares[0], middle), q, halvings - 1)
@@ -78,15 +78,16 @@ def _reach_on(
     return second if isinstance(second, Broken) else [*first, *second]
 
 
-def _on(ends: tuple[Floats, Floats], share: float) -> Floats:
-    """The pose (4, 4) at a share of the line."""
+def _on(ends: tuple[Floats, Floats], shares: Floats) -> Floats:
+    """The poses (n, 4, 4) at shares (n,) of the line."""
     start, goal = ends
     vector = transforms.rotation_vector(matmul(start[:3, :3].T, goal[:3, :3]))
     angle = norm(vector)
-    turned = transforms.rotation(vector / angle, share * angle) if angle > 1e-12 else np.eye(3)
-    return transforms.transform(
-        matmul(start[:3, :3], turned), start[:3, 3] + share * (goal[:3, 3] - start[:3, 3])
-    )
+    turns_at_all = angle > 1e-12
+    axis = vector / angle if turns_at_all else np.array([0.0, 0.0, 1.0])
+    turned = transforms.rotation(axis, shares * angle * turns_at_all)
+    way = shares[:, None] * (goal[:3, 3] - start[:3, 3])
+    return transforms.transform(matmul(start[:3, :3], turned), start[:3, 3] + way)
 
 
 def _next(hand: ArmHand, pose: Floats, q: Floats, share: float) -> Floats | Broken:

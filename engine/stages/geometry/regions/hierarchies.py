@@ -2,16 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
-
-import numpy as np
 
 from engine.model.geometry import Piece
 from engine.stages.geometry.regions.tree import OutsideError, RegionTree, TreeRegion
-from engine.stages.geometry.shapes.coverage import Covered, covering
 from engine.stages.geometry.shapes.packing import bound
 from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import pieces_of_region, scene_of
+from engine.stages.geometry.world.scenes import pieces_of_region
 
 
 def nested_boxes(name: str, pieces: Sequence[Piece], parents: tuple[str, ...] = ()) -> list[TreeRegion]:
@@ -57,26 +53,3 @@ def _parents_first(world: World) -> list[str]:
     graph.add_nodes_from(regions)
     graph.add_edges_from((parent, name) for name in regions for parent in regions[name].parents)
     return list(networkx.topological_sort(graph))
-
-
-def region_tree(world: World) -> RegionTree:
-    """The tree of all that stands in a world: the declared regions, and each standing body or link in the
-    smallest region that holds it.
-    """
-    tree, _ = declared_tree(world)
-    bounds = sorted((each for each in tree.regions.values() if not each.solid), key=_size)
-    by_body: dict[str, list[Piece]] = {}
-    for piece in scene_of(world).pieces:
-        if piece.carrier == 0 and piece.body not in world.cell.regions:
-            by_body.setdefault(piece.body, []).append(piece)
-    for body, pieces in by_body.items():
-        top, *rest = nested_boxes(body, pieces)
-        holding = (each.name for each in bounds if isinstance(covering(top.piece, [each.piece]), Covered))
-        parents = tuple(islice(holding, 1))
-        tree = tree.attached([replace(top, parents=parents)]).attached(rest, nested=True)
-    return tree
-
-
-def _size(region: TreeRegion) -> float:
-    """The radius of a ball around the region."""
-    return float(np.linalg.norm(np.ptp(region.piece.vertices, axis=0))) / 2 + region.piece.radius_m

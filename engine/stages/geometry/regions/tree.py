@@ -43,7 +43,7 @@ class OutsideError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Cover:
-    """The regions that cover another one but for `slack_m`."""
+    """The regions that cover another one except for `slack_m`."""
 
     names: tuple[str, ...]
     slack_m: float
@@ -136,28 +136,24 @@ class RegionTree:
         """The boxes over them."""
         return self.index.hierarchy
 
-    def at_points(self, points: Floats, radius_m: float = 0.0) -> list[tuple[str, ...]]:
-        """For each of the points (n, 3) what is hit by a ball around it (0: the point itself), in order of name.
+    def hits(self, queries: Sequence[Piece]) -> list[tuple[str, ...]]:
+        """For each of some pieces of the world (a point or segment, with or without a radius, a block, ...) what it hits, by name.
 
         Raises `ValueError`, as all questions do, for what is not a finite number.
         """
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise ValueError(f"points must be (n, 3), not {points.shape}")
-        return self._hits([Piece("", 0, np.eye(4), point[None], radius_m) for point in points])
-
-    def at_segment(self, start: Floats, end: Floats, radius_m: float = 0.0) -> tuple[str, ...]:
-        """What is hit by a line segment, or by a tube around it."""
-        return self._hits([Piece("", 0, np.eye(4), np.stack([start, end]), radius_m)])[0]
-
-    def at_body(self, pieces: Sequence[Piece], T_world_body: Floats) -> tuple[str, ...]:
-        """What is hit by a body that flies free, whose pieces hang on one carrier at a pose (4, 4)."""
-        hits = self._hits([_placed(piece, T_world_body) for piece in pieces])
-        return tuple(sorted({name for each in hits for name in each}))
+        found: list[set[str]] = [set() for _ in queries]
+        names = self.index.names.rows
+        for n, r in self._near(pack(queries), 0.0).tolist():
+            found[n].add(self.regions[names[r]].piece.body)
+        return [tuple(sorted(each)) for each in found]
 
     def contacts(
         self, pieces: Sequence[Piece], T_world_body: Floats, within_m: float = 0.0
     ) -> tuple[Contact, ...]:
-        """Everything solid that is nearer than `within_m` to such a body, nearest first, with depth and points."""
+        """Everything solid that is nearer than `within_m` to a body that flies free, nearest first, with depth and points.
+
+        Its pieces hang on one carrier at a pose (4, 4).
+        """
         from engine.kernels.geometry.distance import Separations
 
         placed = [_placed(piece, T_world_body) for piece in pieces]
@@ -176,13 +172,6 @@ class RegionTree:
                 body = self.regions[names[r]].piece.body
                 found.append(Contact(placed[n].body, body, float(distance), *parts))
         return nearest_of_bodies(found)
-
-    def _hits(self, queries: Sequence[Piece]) -> list[tuple[str, ...]]:
-        found: list[set[str]] = [set() for _ in queries]
-        names = self.index.names.rows
-        for n, r in self._near(pack(queries), 0.0).tolist():
-            found[n].add(self.regions[names[r]].piece.body)
-        return [tuple(sorted(each)) for each in found]
 
     def _near(self, queries: Pieces, within_m: float) -> Longs:
         """The pairs (m, 2) of a query and the number of a solid region within a distance of it."""

@@ -150,7 +150,7 @@ def _pieces_of(path: Path, _changed_ns: int, _size: int, where: Source) -> tuple
 
 
 def is_convex(mesh: TriangleMesh) -> bool:
-    """Whether the middle and the corners of every triangle are at the hull of all, but for a thousandth of the size.
+    """Whether the middle and the corners of every triangle are at the hull of all, except for a thousandth of the size.
 
     Raises `FlatError` for a mesh without volume.
     """
@@ -182,11 +182,3 @@ def _divided(mesh: TriangleMesh) -> list[Floats]:
 def surface_only(path: Path) -> bool:
     """Whether some component of the mesh in a file stands for its surface alone. Raises as `convex_pieces` does."""
     return not decomposer() and any(not is_convex(part) for part in components(read_mesh(path)))
-
-
-def is_closed(mesh: TriangleMesh) -> bool:
-    """Whether every edge has exactly one triangle on each side."""
-    t = mesh.triangles
-    directed = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-    edges = {(int(a), int(b)) for a, b in directed}
-    return len(edges) == len(directed) and all((b, a) in edges for a, b in edges)

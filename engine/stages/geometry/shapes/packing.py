@@ -29,7 +29,7 @@ def pack(pieces: Sequence[Piece]) -> Pieces:
     counts = np.array([len(piece.vertices) for piece in pieces], dtype=np.int64)
     starts = np.cumsum(counts) - counts
     vertices, bounds = np.empty((int(counts.sum()), 3)), np.empty((len(pieces), KIND + 1))
-    for count in np.unique(counts):
+    for count in sorted(set(counts.tolist())):
         numbers = np.nonzero(counts == count)[0]
         alike = [pieces[int(n)] for n in numbers]
         T = np.array([piece.T_carrier_piece for piece in alike])
@@ -109,15 +109,21 @@ def grouped(pairs: Longs, bound_of: Longs, kept: Truths | None = None) -> Pairs:
 def bound(pieces: Sequence[Piece]) -> Piece:
     """A block around pieces on one carrier, along the axes of the first piece."""
     axes = pieces[0].T_carrier_piece[:3, :3]
-    extents = np.array([extent(piece, axes) for piece in pieces])
-    low, high = extents[:, 0].min(axis=0), extents[:, 1].max(axis=0)
+    alike: dict[int, list[Piece]] = {}
+    for piece in pieces:
+        alike.setdefault(len(piece.vertices), []).append(piece)
+    extents = [_extent(each, axes) for each in alike.values()]
+    low = np.min([each for each, _ in extents], axis=0)
+    high = np.max([each for _, each in extents], axis=0)
     return block_between(pieces[0], axes, low, high)
 
 
-def extent(piece: Piece, axes: Floats) -> tuple[Floats, Floats]:
-    """The least and the greatest coordinates (3,) of a piece along axes (3, 3: columns)."""
-    along = matmul(transforms.apply(piece.T_carrier_piece, piece.vertices), axes)
-    return along.min(axis=0) - piece.radius_m, along.max(axis=0) + piece.radius_m
+def _extent(pieces: Sequence[Piece], axes: Floats) -> tuple[Floats, Floats]:
+    """The least and the greatest coordinates (3,) of pieces with as many vertices each, along axes (3, 3: columns)."""
+    T = np.array([piece.T_carrier_piece for piece in pieces])
+    along = matmul(transforms.apply(T, np.array([piece.vertices for piece in pieces])), axes)
+    radius = np.array([piece.radius_m for piece in pieces])[:, None]
+    return (along.min(axis=1) - radius).min(axis=0), (along.max(axis=1) + radius).max(axis=0)
 
 
 def block_between(like: Piece, axes: Floats, low: Floats, high: Floats) -> Piece:

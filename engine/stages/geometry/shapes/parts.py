@@ -16,7 +16,7 @@ from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.bored import plate_pieces, ring_pieces
-from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
+from engine.stages.geometry.shapes.hull import FlatError, hull_triangles
 from engine.stages.geometry.shapes.meshes import convex_pieces
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.shapes import (
@@ -276,10 +276,3 @@ def _face_problem(corners: Floats, size: float, middle: Floats, convex: bool) ->
     if convex and matmul(corners[0] - middle, normal) < 0:
         return "is turned inwards", "name its vertices counter-clockwise as seen from outside"
     return "", ""
-
-
-def surface(core: Core) -> tuple[Floats, Floats, Floats]:
-    """The triangles (m, 3, 3) of a core's hull, with outward normals (m, 3) and offsets (m,)."""
-    triangles = hull_triangles(core.vertices)
-    normals, offsets = planes(core.vertices, triangles)
-    return core.vertices[triangles], normals, offsets

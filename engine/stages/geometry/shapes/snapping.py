@@ -12,7 +12,7 @@ from engine.stages.geometry import transforms
 from kb.model.shapes import PlacedShape, Plate, Ring
 
 ON_M = 1e-5  # a point so near to a plane lies on it
-BESIDE_M = 1e-4  # beyond an edge, it is looked so far away whether the face goes on
+BESIDE_M = 1e-4  # how far beyond an edge it is checked that the face goes on
 
 
 class SnapTo(StrEnum):

@@ -177,10 +177,6 @@ class World:
         """
         return self.put(body, to, self.pose(to, body))
 
-    def unfix(self, body: str) -> "World":
-        """The world in which a body is affixed to `world` where it is now."""
-        return self.affix(body, WORLD)
-
     def put(self, body: str, on: str, T_on_body: Floats) -> "World":
         """The world with a body at a pose (4, 4) on a frame. Raises as `affix` does, and `ValueError` for what is no pose."""
         if body not in self.cell.bodies:

@@ -90,7 +90,7 @@ def _scene(joints: Joints, pieces: tuple[Piece, ...], allowed: Names, free: bool
 
 
 def _pairs(pieces: tuple[Piece, ...], allowed: Names) -> Longs:
-    """All pairs of pieces on two carriers, in order, but for those of bodies that may touch."""
+    """All pairs of pieces on two carriers, in order, except for those of bodies that may touch."""
     names = {name: n for n, name in enumerate(dict.fromkeys(piece.body for piece in pieces))}
     body = np.array([names[piece.body] for piece in pieces], dtype=np.int64)
     carrier = np.array([piece.carrier for piece in pieces], dtype=np.int64)

@@ -145,7 +145,7 @@ class _Search:
 
 
 def amounts(domain: Domain, schema: Schema) -> Iterator[tuple[str, int]]:
-    """The static predicates that the duration and the cost of an operator name, with their arities, but for travel.
+    """The static predicates that the duration and the cost of an operator name, with their arities, except for travel.
 
     Travel ties all places to one another, and changes no plan but only how long it lasts.
     """

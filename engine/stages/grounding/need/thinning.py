@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.need.likeness import alike, free_objects, most_at_once, names
 from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.program import Vocabulary
+from kb.asp.excerpt import excerpt
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import VIOLATED
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
+from kb.model.likeness import alike, free_objects, most_at_once, names
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
 
@@ -30,25 +31,33 @@ class Thinned:
     spares: Spares = ()
 
 
-def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
+def thinned(problem: Problem, statics: Named | None = None, few: Problem | None = None) -> Thinned:
     """The problem without objects that play no part, from its initial state.
 
     It is the same problem if there are no such objects, or if grounding has to report something. `statics` gives the
-    evaluated static facts, if they are known already.
+    evaluated static facts, and `few` the excerpt of the problem, if they are known already.
     """
+    few = few or excerpt(problem)
+    found = _thinned(few, statics if few is problem else None)
+    if found is None:
+        return Thinned(problem)
+    return replace(found, left_out=found.left_out | (problem.objects.keys() - few.objects.keys()))
+
+
+def _thinned(problem: Problem, statics: Named | None) -> Thinned | None:
     free, most = _plentiful(problem)
     if not free:
-        return Thinned(problem)
+        return None
     named, state = _started(problem, statics)
     if state is None or any(True for _ in named(VIOLATED, 1)):
-        return Thinned(problem)
+        return None
     needed = relevance(problem)
     facts = [fact for name, arity in sorted(needed.static_predicates) for fact in named(name, arity)]
     read = (fact for fact in facts if needed.reads(fact))
     classes = alike(free, (*read, *(atom for atom in state if needed.concerns(atom))))
     spares = tuple(each[: most[free[each[0]]]] for each in classes)
     gone = frozenset(name for own, kept in zip(classes, spares, strict=True) for name in own[len(kept) :])
-    return Thinned(_without(problem, gone, facts, state, named), gone, spares) if gone else Thinned(problem)
+    return Thinned(_without(problem, gone, facts, state, named), gone, spares) if gone else None
 
 
 def _plentiful(problem: Problem) -> tuple[dict[str, str], dict[str, int]]:

@@ -18,7 +18,7 @@ from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.query import Query, is_met
 from kb.model.conditions import Literal
 from kb.model.plan import Plan, Step
-from kb.model.workflow import advanced, begun, holding, lasting
+from kb.model.workflow import advanced, begun, holding, in_turn, lasting, late_stages, too_early
 from kb.terms import Atom, is_ground, match, substitute_atom
 
 
@@ -53,13 +53,16 @@ def check(plan: Plan, asked: Query) -> Situation | Refusal:
 def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:
     """Which chain of the workflow is not worked through, as soon as possible and in order; or nothing."""
     facts = asked.facts
-    reached = begun(asked.chains, holding(facts))
+    late, reached = late_stages(asked.chains, asked.world.domain), begun(asked.chains, holding(facts))
     for step in plan.steps:
         change = run.changes[step.id]
-        facts = change.applied(facts)
-        reached, unexpected = advanced(asked.chains, reached, change.events, holding(facts))
-        if unexpected:
-            return f"{unexpected[0]} is not the next stage of any chain"
+        after = change.applied(facts)
+        counts, unexpected = advanced(asked.chains, reached, change.events, holding(after))
+        now = in_turn(asked.chains, reached, counts) if late else []
+        early = too_early(late, change.adds, holding(facts), now) if late else None
+        if wrong := next((each for each in (*unexpected, early) if each is not None), None):
+            return f"{wrong} is not the next stage of any chain"
+        facts, reached = after, counts
     open_ = next((each.name for each in asked.chains if reached[each.name] < len(each.stages)), None)
     if open_ is not None:
         return f"the workflow of {open_} is not finished"

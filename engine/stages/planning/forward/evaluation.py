@@ -1,7 +1,7 @@
 """Evaluation of states by compiled kernels.
 
 In relaxed plans each conditional effect is an operator of its own, beside the ordinary operators. So is each rule of a derived
-atom; it costs nothing.
+atom, which costs nothing, and each operator that is repeated until quantities compare as wanted.
 """
 
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ from dataclasses import replace
 from engine.model.axioms import Axioms, relaxed
 from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.forward.kernels import RelaxedPlans, Rows
+from engine.stages.planning.forward.repeating import Repeating
 from kb.terms import Function
 
 DEAREST = 1 << 30  # the largest cost of an operator; higher costs are cut off
@@ -56,13 +57,17 @@ class Evaluation:
         unit: bool = False,
         axioms: Axioms | None = None,
     ) -> None:
-        if axioms is not None and axioms.tests:
-            operators = [replace(each, adds=each.adds | axioms.helps(each.changes)) for each in operators]
         self.operators, self._owners = effects(operators)
         self._plain = len(operators)
         free = rules(axioms, size)
         size = max([size, *((rule.preconditions | rule.adds).bit_length() for rule in free)])
         charges = [1 if unit else min(max(operator.cost, 1), DEAREST) for operator in self.operators]
+        self._first, self._repeating = len(self.operators), None
+        if axioms is not None and axioms.tests:
+            self._repeating = Repeating(operators, charges, axioms)
+            self.operators += self._repeating.operators
+            self._owners += [each.operator for each in self._repeating.found]
+            charges += self._repeating.charges
         self.operators += free
         self._owners += [NOBODY] * len(free)
         self._width = (size + 7) // 8
@@ -82,6 +87,8 @@ class Evaluation:
 
         An applicable operator is preferred if the relaxed plan begins with it.
         """
+        if self._repeating is not None:
+            self._plans.charge(self._first, self._repeating.costs(state))
         estimate = self._plans.evaluate((state & self.seen).to_bytes(self._width, "little"))
         found, helpful = self._plans.applicable, self._plans.preferred
         if len(self.operators) > self._plain:
@@ -95,6 +102,16 @@ class Evaluation:
         if len(self.operators) == self._plain:
             return self._plans.relaxed
         return self._owned(self._plans.relaxed)
+
+    @property
+    def jumps(self) -> list[tuple[int, int]]:
+        """Operators that the last relaxed plan repeats and that are applicable, each with the number of times, from 2 on."""
+        if self._repeating is None:
+            return []
+        ready, last = set(self._plans.preferred), self._first + len(self._repeating.found)
+        repeated = [each for each in self._plans.relaxed if each in ready and self._first <= each < last]
+        found = ((self._owners[each], self._repeating.times(each - self._first)) for each in repeated)
+        return [each for each in dict.fromkeys(found) if each[1] > 1]
 
     def _owned(self, numbers: Sequence[int]) -> list[int]:
         """The given operators behind those of a relaxed plan."""

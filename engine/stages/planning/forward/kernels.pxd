@@ -31,6 +31,9 @@ cdef class RelaxedPlans:
     @cython.locals(index=int)
     cpdef long long evaluate(self, const unsigned char[::1] state)
 
+    @cython.locals(index=int)
+    cpdef void charge(self, int first, const long long[::1] costs) noexcept
+
     @cython.locals(atom=int, operator=int)
     cdef void _begin(self, const unsigned char[::1] state) noexcept
 

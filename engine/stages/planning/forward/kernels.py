@@ -115,6 +115,11 @@ class RelaxedPlans:
                 return -1
         return self._extract()
 
+    def charge(self, first: int, costs: Longs) -> None:
+        """Gives other costs to the operators from `first` on. With a cost of UNREACHED an operator cannot be taken."""
+        for index in range(len(costs)):
+            self.costs[first + index] = costs[index]
+
     @property
     def applicable(self) -> list[int]:
         """The operators that are applicable in the state that was evaluated last."""
@@ -172,6 +177,8 @@ class RelaxedPlans:
 
         It also notes the operator if it is applicable in the state.
         """
+        if self.costs[operator] >= UNREACHED:
+            return
         if self.spent[operator] == self.costs[operator]:
             self._applicable[self._found] = operator
             self._found += 1

@@ -49,7 +49,8 @@ class Batch(NamedTuple):
 class Forward:
     """One search from a state to one conjunction of goals; it can be resumed.
 
-    Operators may have conditional effects.
+    Operators may have conditional effects. A successor is the number of an operator; one that repeats an operator has as many
+    times the number of all operators added.
 
     With `landmarks`, additional queues are ordered by the number of landmarks that are left; they take turns
     with the queues ordered by relaxed plans. Then every operator counts as one step, because short plans are
@@ -106,10 +107,21 @@ class Forward:
             if entry is None:
                 return NO_PLAN
             parent, operator = entry
-            state = after(self._axioms, self._nodes[parent].state, self.operators[operator])
+            state, operator = self._reached(self._nodes[parent].state, operator)
             if state not in self._closed and self._expand(state, parent, operator, effort):
                 return self._answer()
         return None
+
+    def _reached(self, state: Bits, number: int) -> tuple[Bits, int]:
+        """The state after a successor's operator, and its number. A repeated operator ends where it is not applicable."""
+        times, place = divmod(number, len(self.operators))
+        operator = self.operators[place]
+        state = after(self._axioms, state, operator)
+        for done in range(1, times):
+            if operator.preconditions & ~state:
+                return state, place + done * len(self.operators)
+            state = after(self._axioms, state, operator)
+        return state, number
 
     def _next(self) -> tuple[int, int] | None:
         """The next successor to make, as (node, operator). None if all queues are empty."""
@@ -163,6 +175,8 @@ class Forward:
         Suggested composites are in both lists.
         """
         estimate, applicable, preferred = self.evaluate(state)
+        if estimate >= 0 and (jumps := self.evaluate.jumps):
+            preferred = [*(place + times * len(self.operators) for place, times in jumps), *preferred]
         if self._suggestions is None or estimate < 0:
             return estimate, applicable, preferred
         composites = self._suggestions.suggested(state, preferred, self.evaluate.relaxed)
@@ -176,7 +190,8 @@ class Forward:
         """The operators that led to the last state. Composites are replaced by their parts."""
         path, node = [], self._nodes[-1]
         while node.parent >= 0:
-            path.append(node.operator)
+            times, place = divmod(node.operator, len(self.operators))
+            path += [place] * max(times, 1)
             node = self._nodes[node.parent]
         path.reverse()
         if self._suggestions is None:

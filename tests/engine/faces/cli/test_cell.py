@@ -27,23 +27,27 @@ def test_a_place_is_shown_with_the_tool_that_it_needs() -> None:
     assert "nothing is in collision" in result.stdout
 
 
-def test_a_problem_is_shown_as_it_begins() -> None:
+@pytest.mark.parametrize(
+    "targets",
+    [
+        ("themse", "themse/one"),
+        pytest.param(("themse", "themse/lid_on_stand", "themse/one"), marks=pytest.mark.slow),
+    ],
+)
+def test_a_problem_is_shown_as_it_begins(targets: tuple[str, ...]) -> None:
     """The file has everything open and the lid on its stand; in one of the problems the lid is on the freezer."""
-    seen = {
-        target: run(app, ["cell", "show", target, "--format", "svg"]).stdout
-        for target in ("themse", "themse/lid_on_stand", "themse/one")
-    }
-    assert len(set(seen.values())) == 3
+    seen = {run(app, ["cell", "show", target, "--format", "svg"]).stdout for target in targets}
+    assert len(seen) == len(targets)
 
 
 @pytest.mark.parametrize(("form", "begins"), [("png", b"\x89PNG"), ("svg", b"<svg"), ("gltf", b'{"asset"')])
 def test_pictures_are_written_to_files(form: str, begins: bytes, tmp_path: Path) -> None:
     file = tmp_path / f"cell.{form}"
-    result = run(app, ["cell", "show", "themse", "-o", str(file)])
+    result = run(app, ["cell", "show", "handey", "-o", str(file)])
     assert result.exit_code == 0, result.output
     assert file.read_bytes().startswith(begins)
     other = tmp_path / "cell.bin"
-    assert run(app, ["cell", "show", "themse", "--format", form, "-o", str(other)]).exit_code == 0
+    assert run(app, ["cell", "show", "handey", "--format", form, "-o", str(other)]).exit_code == 0
     assert other.read_bytes() == file.read_bytes()
 
 

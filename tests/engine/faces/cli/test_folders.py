@@ -25,7 +25,7 @@ SQUARE = (
     "NODE_COORD_SECTION\n1 0 0\n2 9 0\n3 9 9\n4 0 9\nEOF\n"
 )
 JOBS = {
-    "cell": "cell show bulkhead --format svg",
+    "cell": "cell show handey --format svg",
     "check": "check mine",
     "diagnose": "diagnose mine --exception not_gripped --tree",
     "explain": "explain plan.json 1",
@@ -41,7 +41,7 @@ JOBS = {
     "schedule": "schedule bulkhead/one_point",
     "schema": "schema domain",
     "sequence": "sequence square.tsp",
-    "states": "states themse",
+    "states": "states themse --contacts",
     "store": "store check --store known.db",
     "test": "test mine",
     "validate": "validate plan.json",

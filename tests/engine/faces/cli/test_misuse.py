@@ -217,3 +217,17 @@ def test_a_file_nested_without_end_is_bad_input(tmp_path: Path, verb: tuple[str,
     file.write_text("[" * 100_000)
     arguments = (str(file) if word == "FILE" else word for word in verb)
     assert "recursion" in refused(*arguments, "--store", str(tmp_path / "store.db"))
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        (("themse/one", "--fault", "heat=nonsense"), 2),
+        (("themse/one", "--fault", "99=not_gripped"), 2),
+        (("themse/unsolvable",), 10),
+    ],
+)
+def test_a_run_that_never_began_is_not_listed(tmp_path: Path, asked: tuple[str, ...], code: int) -> None:
+    store = ("--store", str(tmp_path / "runs.db"))
+    assert CliRunner().invoke(app, ["run", *asked, *store]).exit_code == code
+    assert "no runs" in CliRunner().invoke(app, ["results", *store]).stdout

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 from engine.formats.interop.pddl import PddlProblem, read_pddl
-from engine.formats.interop.pddl.export import PddlText, export, import_plan, write_plan
+from engine.formats.interop.pddl.export import PddlText, export, import_plan
 from engine.formats.interop.pddl.expressions import actions
 from engine.formats.interop.pddl.plans import read_plan
 from engine.formats.interop.pddl.plans import write_plan as write_pddl_plan
@@ -68,7 +68,7 @@ def test_an_export_has_the_plans_of_its_problem(file: Path, lifted: bool, tmp_pa
         assert isinstance(theirs, Found)
         imported = import_plan(text, write_pddl_plan(read, theirs.plan))
         assert planning.check_plan(problem, imported) == []
-        (tmp_path / "plan").write_text(write_plan(text, own.plan))
+        (tmp_path / "plan").write_text(text.plans.written(own.plan))
         assert planning.check_plan(read.problem, read_plan(read, tmp_path / "plan")) == []
 
 
@@ -184,7 +184,7 @@ def test_workflows_are_compiled(problem: Problem, lifted: bool, tmp_path: Path) 
     assert isinstance(own, Found) == isinstance(theirs, Found)
     if isinstance(own, Found) and isinstance(theirs, Found):
         assert validate(problem, import_plan(text, write_pddl_plan(read, theirs.plan))) == []
-        (tmp_path / "plan").write_text(write_plan(text, own.plan))
+        (tmp_path / "plan").write_text(text.plans.written(own.plan))
         assert planning.check_plan(read.problem, read_plan(read, tmp_path / "plan")) == []
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.pddl.export import export, import_plan, write_plan
+from engine.formats.interop.pddl.export import export, import_plan
 from engine.model.outcome import Found, Infeasible
 from engine.pipelines import planning
 from engine.stages.grounding import ground
@@ -92,6 +92,6 @@ def test_unified_planning_accepts_our_plans_for_exports(file: Path) -> None:
     reader = PDDLReader()
     theirs = reader.parse_problem_string(text.domain, text.problem)
     if isinstance(outcome, Found):
-        plan = reader.parse_plan_string(theirs, write_plan(text, outcome.plan))
+        plan = reader.parse_plan_string(theirs, text.plans.written(outcome.plan))
         checked = SequentialPlanValidator().validate(theirs, plan)
         assert checked.status.name == "VALID", checked.reason

@@ -104,3 +104,23 @@ def test_a_step_that_is_not_there_is_bad_input() -> None:
     assert isinstance(outcome, Found)
     with pytest.raises(InvalidInput, match="no step 9"):
         why(ground(problem), outcome.plan, 9)
+
+
+@pytest.mark.parametrize(
+    ("operator", "gap"),
+    [
+        ("pick", "no operator makes at(b1, gripper) true, and put(b1, filler) needs it"),
+        ("put", "no operator makes at(b1, filler) true, and fill(b1, 250) needs it"),
+        ("weigh", "no operator makes weighed(b1) true, and the goal needs it"),
+    ],
+)
+def test_a_domain_without_an_operator_is_told_what_nothing_makes_true(operator: str, gap: str) -> None:
+    problem = load_problem("tests/domains/capping/problems/no_caps.yaml")
+    left = tuple(each for each in problem.domain.operators if each.name != operator)
+    explanation = explain(replace(problem, domain=replace(problem.domain, operators=left)))
+    assert explanation.gaps == (gap,)
+    assert all(change.kind == "drop goal" for change in explanation.changes)
+
+
+def test_what_a_fact_would_mend_is_no_gap() -> None:
+    assert explain(load_problem("themse/unsolvable")).gaps == ()

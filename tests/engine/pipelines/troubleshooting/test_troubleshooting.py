@@ -51,7 +51,7 @@ def test_what_holds_already_costs_nothing(preparations: Preparations) -> None:
 
 def test_a_precondition_costs_what_its_plan_lasts(preparations: Preparations) -> None:
     wanted = needs("holding(t3_746, slra)")
-    made = preparations.plan_for(wanted)
+    made = preparations.plan_from(preparations.semantics.initial(), preparations.goal(wanted))
     assert made is not None
     assert preparations([wanted]).costs[0] == (sum(step.duration for step in made.steps),)
 
@@ -108,6 +108,6 @@ def test_a_lost_resource_is_not_planned_with(problem: Problem) -> None:
 
 def test_the_state_after_a_plan_has_its_goals(problem: Problem, preparations: Preparations) -> None:
     wanted = needs("holding(t3_746, slra)")
-    made = preparations.plan_for(wanted)
+    made = preparations.plan_from(preparations.semantics.initial(), preparations.goal(wanted))
     assert made is not None
     assert set(wanted) <= after(problem, frozenset(problem.initial), made)

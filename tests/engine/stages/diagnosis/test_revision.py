@@ -9,9 +9,7 @@ from engine.stages.diagnosis.revision import (
     binding_of,
     bound,
     certainties,
-    fits,
     presupposed,
-    revised,
     revision,
 )
 from kb.model.conditions import TRUE, And, Comparison, Literal, Parameter
@@ -173,19 +171,5 @@ def test_what_is_withdrawn_is_not_restored() -> None:
     assert "held(I)" not in names(found.restored)
 
 
-def test_facts_that_fit_what_is_withdrawn_leave_and_ground_ones_join_once() -> None:
-    found = revision(MODEL, made(("slipped",)), BINDING)
-    state = (at(BOLT, BIN), at(BOLT, RACK), at(RACK, BIN), held(BOLT))
-    assert revised(state, found) == (at(RACK, BIN),)
-    fell = revision(MODEL, made(("fell",)), BINDING)
-    floor = at(BOLT, Function("floor"))
-    assert revised((at(BOLT, BIN), held(BOLT)), fell) == (held(BOLT), floor)
-    assert revised((floor,), fell) == (floor,)
-    unbound = revision(MODEL, made(("fell",)), {})
-    assert revised((held(BOLT),), unbound) == (held(BOLT),)
-
-
-def test_patterns_are_bound_and_fit() -> None:
+def test_patterns_are_bound() -> None:
     assert bound([at(ITEM, P)], {ITEM: BOLT}) == (at(BOLT, P),)
-    assert fits(at(ITEM, BIN), at(BOLT, BIN))
-    assert not fits(at(ITEM, RACK), at(BOLT, BIN))

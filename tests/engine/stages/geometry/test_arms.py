@@ -7,11 +7,12 @@ import pytest
 
 from engine.kernels.geometry.forward import carriers
 from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
-from engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver, pose_error, turns
+from engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver, pose_error
+from engine.stages.geometry.kinematics.turning import turns
 from kb.model.cell import Arm, Joint, JointKind
 from kb.model.shapes import Pose
+from tests.engine.stages.geometry.rigid import is_rigid
 
 SOLVERS = {
     "manutec_r3": Solver.SPHERICAL_WRIST,
@@ -165,7 +166,7 @@ def test_assumptions_are_marked(models: dict[str, ArmModel]) -> None:
 
 def test_random_configurations_keep_the_limits(model: ArmModel, rng: np.random.Generator) -> None:
     assert model.within_limits(model.random(1000, rng)).all()
-    assert transforms.is_rigid(model.flange_pose(model.random(10, rng)))
+    assert is_rigid(model.flange_pose(model.random(10, rng)))
 
 
 RIGHT = math.pi / 2

@@ -39,7 +39,7 @@ def test_taken_and_put_down_are_as_in_scenes_built_anew(shapes: tuple[PlacedShap
     T_world_last = carrier_poses(standing.joints, Q)[6]
     taken = attached(first, "part", 6, transforms.inverse(T_world_last))
     later = rng.uniform(-2, 2, 6)
-    moved = carried.moved("ur5", later).unfix("part")
+    moved = carried.moved("ur5", later).affix("part", "world")
     down = attached(taken, "part", 0, carrier_poses(standing.joints, later)[6])
     for ours, anew in ((taken, carried), (down, moved)):
         whole, q = BuiltinChecker(scene_of(anew)), rng.uniform(-3, 3, (300, 6))

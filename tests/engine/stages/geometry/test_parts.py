@@ -16,7 +16,7 @@ from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.reference import signed_distance
 from engine.stages.geometry.shapes import meshes
 from engine.stages.geometry.shapes.hull import hull_triangles, planes
-from engine.stages.geometry.shapes.meshes import components, is_closed, read_mesh
+from engine.stages.geometry.shapes.meshes import TriangleMesh, components, read_mesh
 from engine.stages.geometry.shapes.parts import Core, check_polyhedron, cores, features
 from kb.diagnostics import InvalidInput
 from kb.model.shapes import (
@@ -175,6 +175,14 @@ FILES = {
     "text.STL": text_stl(CUBE[CUBE_TRIANGLES]),
     "part.obj": obj(CUBE, CUBE_TRIANGLES),
 }
+
+
+def is_closed(mesh: TriangleMesh) -> bool:
+    """Whether every edge has exactly one triangle on each side."""
+    t = mesh.triangles
+    directed = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+    edges = {(int(a), int(b)) for a, b in directed}
+    return len(edges) == len(directed) and all((b, a) in edges for a, b in edges)
 
 
 @pytest.mark.parametrize("name", FILES)

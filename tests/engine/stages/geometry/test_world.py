@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import free_scene_of, scene_of
 from kb.loader.arm import bundled_arms, load_arm
 from kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
 from kb.model.shapes import Box, PlacedShape, Pose, Sphere
+from tests.engine.stages.geometry.rigid import is_rigid
 
 UR5 = load_arm(bundled_arms()["ur5"])
 HOME = (0.1, -1.2, 1.3, -0.4, -1.5, 0.2)
@@ -62,13 +62,13 @@ def test_locations_are_consistent_between_all_frames(a: str, b: str, c: str) -> 
     assert np.abs(world.pose(a, a) - np.eye(4)).max() < 1e-15
 
 
-def test_what_is_affixed_moves_along_and_what_is_unfixed_stays(world: World) -> None:
+def test_what_is_affixed_moves_along_and_what_is_put_back_on_the_world_stays(world: World) -> None:
     gripped = world.affix("part", "left.tool")
     assert np.abs(gripped.pose("world", "part") - world.pose("world", "part")).max() < 1e-12
     moved = gripped.moved("left", np.array(HOME) + 0.3)
     assert np.abs(moved.pose("left.tool", "part") - gripped.pose("left.tool", "part")).max() < 1e-12
     assert np.abs(moved.pose("part", "lid") - world.pose("part", "lid")).max() < 1e-12
-    left = moved.unfix("part").moved("left", np.array(HOME))
+    left = moved.affix("part", "world").moved("left", np.array(HOME))
     assert np.abs(left.pose("world", "part") - moved.pose("world", "part")).max() < 1e-12
 
 
@@ -136,7 +136,7 @@ def test_a_free_scene_leaves_out_what_the_arms_carry(world: World) -> None:
     scene = free_scene_of(world, "gripper")
     assert {piece.carrier for piece in scene.pieces if piece.body == "gripper"} == {1}
     assert {"part", "lid", "gripper", "left.base", "right.base"} == set(scene.bodies)
-    assert transforms.is_rigid(np.stack([piece.T_carrier_piece for piece in scene.pieces]))
+    assert is_rigid(np.stack([piece.T_carrier_piece for piece in scene.pieces]))
 
 
 def test_the_pairs_of_a_scene_are_those_of_two_carriers_that_may_not_touch(world: World) -> None:

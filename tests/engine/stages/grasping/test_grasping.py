@@ -12,7 +12,7 @@ from engine.kernels.rigid import apply, transform, turned
 from engine.model.grasping import Approach, NoApproach, ParallelJaws, Regrasps, Unplaceable
 from engine.stages.grasping.approach import GraspPlane, by_potential, complete
 from engine.stages.grasping.blocks import meet
-from engine.stages.grasping.grasps import clear_of, grasps, most_vertical
+from engine.stages.grasping.grasps import grasps
 from engine.stages.grasping.placements import placements, volume_and_centre
 from engine.stages.grasping.regrasps import regrasps
 from tests.engine.stages.solids import block, ell, prism
@@ -56,15 +56,6 @@ def test_a_channel_is_not_taken_across_its_gap() -> None:
     across = [each for each in found if each.width_m == pytest.approx(0.07)]
     assert found
     assert all(each.T_part_hand[0, 1, 3] < 0.02 for each in across)
-
-
-def test_a_hand_beside_a_table_loses_the_turns_from_below() -> None:
-    (first, *_) = grasps(block(0.04, 0.06, 0.12), JAWS, 0.02, 0.3, MIDDLE)
-    table: Floats = np.array([[[-1.0, -1, -0.0601], [1, -1, -0.0601], [0, 2, -0.0601]]])
-    above = clear_of(first, JAWS, table)
-    assert 0 < above.free.sum() < first.free.sum()
-    _, turn = most_vertical([above], np.eye(4))[0]
-    assert above.T_part_hand[turn, 2, 2] == above.T_part_hand[above.free, 2, 2].min()
 
 
 def test_a_lying_block_has_six_placements_and_loses_those_that_its_weight_tips() -> None:

@@ -115,7 +115,12 @@ SHORTEST = {
 }
 
 
-@pytest.mark.parametrize("target", SHORTEST)
+LONG = ("themse/four", "themse/sentence")
+
+
+@pytest.mark.parametrize(
+    "target", [pytest.param(each, marks=[pytest.mark.slow] if each in LONG else []) for each in SHORTEST]
+)
 def test_plans_of_the_bundled_problems_are_as_short_as_can_be(target: str) -> None:
     """All but the last were proved with room for four million states."""
     outcome = planning.plan(planning.problem_of(target))

@@ -62,8 +62,8 @@ def test_job_shops_are_proved_and_bounded(seed: int) -> None:
 
 
 def test_the_same_work_gives_the_same_schedule() -> None:
-    shop = job_shop(8, 8, 3)
-    one, other = (solved(shop, ScheduleLimits(work=0.1)).schedule for _ in range(2))
+    shop = job_shop(6, 6, 3)
+    one, other = (solved(shop, ScheduleLimits(work=0.02)).schedule for _ in range(2))
     assert one == other
 
 
@@ -73,7 +73,7 @@ def test_workers_may_race() -> None:
 
 def test_an_interruption_ends_the_search_with_the_best_so_far() -> None:
     started = time.monotonic()
-    found = solved(job_shop(15, 15, 1), ScheduleLimits(interrupted=lambda: time.monotonic() > started + 0.2))
+    found = solved(job_shop(12, 12, 1), ScheduleLimits(interrupted=lambda: time.monotonic() > started + 0.1))
     assert time.monotonic() < started + 20
     assert found.schedule.lower_bound <= found.schedule.makespan
 

@@ -1,5 +1,6 @@
 """Plans of the laboratory cell, scheduled: the furnace's critical path, proved, and always also a valid plan."""
 
+import functools
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -33,9 +34,15 @@ def timed(problem: Problem) -> Timetable:
     return made
 
 
+@functools.cache
+def bundled_timetable(target: str) -> Timetable:
+    """The timetable of a bundled problem, made once for all tests that ask for it."""
+    return timed(planning.problem_of(target))
+
+
 @pytest.mark.parametrize("target", ["themse/two", "themse/furnace_of_two"])
 def test_the_chart_shows_each_object_where_the_plan_puts_it(target: str) -> None:
-    made = timed(planning.problem_of(target))
+    made = bundled_timetable(target)
     charted = {row.name: row.bars for row in rows(made.shop, made.schedule)}
     heats = [step for step in made.plan.steps if step.operator.name in ("heat", "cool")]
     assert heats
@@ -56,14 +63,14 @@ def test_the_chart_shows_each_object_where_the_plan_puts_it(target: str) -> None
     ],
 )
 def test_the_laboratory_takes_no_longer_than_its_critical_path(target: str, least: int) -> None:
-    made = timed(planning.problem_of(target)).schedule
+    made = bundled_timetable(target).schedule
     assert made.makespan == made.lower_bound == least
     assert made.proved
 
 
 def test_a_stored_plan_is_scheduled_as_well() -> None:
     problem = planning.problem_of("themse/two")
-    made = timed(problem)
+    made = bundled_timetable("themse/two")
     again = timetable(problem, made.plan)
     assert isinstance(again, Timetable)
     assert again.schedule.makespan == made.schedule.makespan

@@ -20,13 +20,15 @@ DOMAIN = """domain: bell
 types: {thing: object, mark: object}
 objects: {thing: [a, b], mark: [one, two]}
 events: {rung(thing): {}}
-fluents: {"up(thing, mark)": {}, done: {}}
+fluents: {"up(thing, mark)": {}, "kept(thing)": {}}
 operators:
   ring(T): {adds: rung(T)}
   ring_both: {adds: "rung(a), rung(b)"}
   ring_up(T, M): {adds: "rung(T), up(T, M)"}
   raise(T, M): {adds: "up(T, M)"}
   lower(T, M): {deletes: "up(T, M)"}
+  keep(T): {adds: kept(T)}
+  ring_keep(T): {adds: "rung(T), kept(T)"}
 """
 DOES: dict[
     str, tuple[tuple[str, ...], tuple[str, ...]]
@@ -38,12 +40,17 @@ DOES: dict[
     "raise(a, one)": ((), ("up(a, one)",)),
     "raise(a, two)": ((), ("up(a, two)",)),
     "lower(a, one)": ((), ()),
+    "keep(a)": ((), ("kept(a)",)),
+    "keep(b)": ((), ("kept(b)",)),
+    "ring_keep(a)": (("rung(a)",), ("kept(a)",)),
 }
 ENDS = {"lower(a, one)": "up(a, one)"}
 Chains = tuple[tuple[tuple[str, ...], bool], ...]  # stages, and whether it comes after the chain before it
 Reading = tuple[int, ...]
 BOTH = "up(a, one) & up(a, two)"
-stage = st.sampled_from(("rung(a)", "rung(a)", "rung(b)", "up(a, one)", "up(a, two)", BOTH))
+BOTH_KEPT = "kept(a) & kept(b)"
+STAGES = ("rung(a)", "rung(a)", "rung(b)", "up(a, one)", "up(a, two)", BOTH)
+stage = st.sampled_from((*STAGES, "kept(a)", "kept(b)", BOTH_KEPT))
 chains = st.lists(
     st.tuples(st.lists(stage, min_size=1, max_size=3).map(tuple), st.booleans()), min_size=1, max_size=3
 ).map(tuple)
@@ -59,7 +66,28 @@ def readings(
     events, fluents = DOES[steps[0]]
     now = (up - {ENDS.get(steps[0], "")}) | set(fluents)
     for after in told(chains, events, done):
-        yield from readings(chains, steps[1:], held(chains, after, now), now)
+        reached = held(chains, after, now)
+        if not too_early(chains, done, reached, up, now):
+            yield from readings(chains, steps[1:], reached, now)
+
+
+def too_early(
+    chains: Chains, before: Reading, after: Reading, up: frozenset[str], now: frozenset[str]
+) -> bool:
+    """Whether a stage behind others has become true for ever with a step, and nothing of the step serves a stage now."""
+    fresh = now - up
+    served = {
+        part
+        for i, (m, n) in enumerate(zip(before, after, strict=True))
+        for stage in (*chains[i][0][m:n], waits(chains, after, i))
+        for part in stage.split(" & ")
+    }
+    for i, (stages, follows) in enumerate(chains):
+        for stage in stages[0 if follows and i else 1 :]:
+            parts = set(stage.split(" & "))
+            if stage.startswith("kept") and parts & fresh - served and parts <= now:
+                return True
+    return False
 
 
 def held(chains: Chains, done: Reading, up: frozenset[str]) -> Reading:
@@ -156,6 +184,24 @@ def test_a_stage_that_holds_to_the_end_needs_no_order() -> None:
     unordered = (step(1, "raise(a, one)"), step(2, "ring(a)"), step(3, "ring(b)", 2))
     assert wrong(awaited, unordered) != []
     assert wrong(awaited, (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2))) == []
+
+
+def test_what_stays_is_made_in_its_turn() -> None:
+    """Otherwise its stage would be reached without any step, and the order of the chain would be lost."""
+    told = posed(((("kept(a)", "rung(a)", "kept(b)"), False),))
+    right = (step(1, "keep(a)"), step(2, "ring(a)", 1), step(3, "keep(b)", 2))
+    assert wrong(told, right) == []
+    early = (step(1, "keep(a)"), step(2, "keep(b)", 1), step(3, "ring(a)", 2))
+    assert wrong(told, early) == ["K506: step 2 keep(b): kept(b) is not the next stage of any chain"]
+    assert wrong(told, (*right, step(4, "keep(b)"))) == [
+        "K506: steps 3 and 4 must be ordered: kept(b) is reached in its turn"
+    ]
+    assert wrong(told, (step(1, "keep(a)"), step(2, "ring_keep(a)", 1), step(3, "keep(b)", 2))) == []
+
+
+def test_what_stays_may_come_first_where_it_is_a_first_stage() -> None:
+    told = posed(((("kept(a)", "rung(a)"), False), (("kept(a)",), True)))
+    assert wrong(told, (step(1, "keep(a)"), step(2, "ring(a)", 1))) == []
 
 
 def test_one_step_moves_several_chains() -> None:

@@ -56,8 +56,3 @@ def export(problem: Problem, task: Task, lifted: bool = True) -> PddlText:
 def import_plan(exported: PddlText, text: str, name: str = "plan") -> Plan:
     """A plan that another planner found for an export, as a sequence of our operators. Raises `InvalidInput`."""
     return exported.plans.read(text, name)
-
-
-def write_plan(exported: PddlText, plan: Plan) -> str:
-    """One of our plans as a plan for the export: one action per line."""
-    return exported.plans.written(plan)

@@ -6,7 +6,7 @@ from engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, Backgr
 from kb.model.conditions import And, Condition, Literal, Parameter
 from kb.model.domain import Effect, Kind, Operator
 from kb.model.problem import Chain
-from kb.model.workflow import Listed, begun, holding, lasting, reaches
+from kb.model.workflow import Listed, begun, holding, lasting, late_stages, reaches
 from kb.terms import TOGETHER, Atom, Function, Number, Text, is_ground
 
 REACHED, BEGIN, REACH = "_reached", "_begin", "_reach"
@@ -31,6 +31,8 @@ class Stages:
         self.chains = background.problem.chains
         if any(stage.name == TOGETHER for chain in self.chains for stage in chain.stages):
             raise NotLiftable("a stage of several conditions")
+        if late := late_stages(self.chains, background.domain):
+            raise NotLiftable(f"{late[0]}, a stage that stays and has to wait for its turn")
         stages = dict.fromkeys(stage.name for chain in self.chains for stage in chain.stages)
         self.fluents = [name for name in stages if background.kinds.get(name) is not Kind.EVENT]
         self.begun = begun(self.chains, holding(Listed(background.task.names(background.task.initial))))

@@ -81,12 +81,10 @@ def names(term: Term) -> list[str]:
         return names(Function("", (term.left, term.right)))
     found = list[str]()
     for each in term.arguments if isinstance(term, Function) else ():
-        if not isinstance(each, Function):
-            found += names(each) if isinstance(each, Operation) else ()
-        elif each.arguments:
-            found += names(each)
-        else:
+        if isinstance(each, Function) and not each.arguments:
             found.append(each.name)
+        elif isinstance(each, Function | Operation):
+            found += names(each)
     return found
 
 
@@ -157,7 +155,7 @@ def _ranged(problem: Problem) -> set[str]:
             if isinstance(literal, Literal) and literal.atom.name in domain.predicates:
                 found |= set(domain.predicates[literal.atom.name].arguments)
     if domain.quantities or any(
-        isinstance(part, Aggregate | StateAggregate) for body in _bodies(domain) for part in body
+        isinstance(part, Aggregate | StateAggregate) for body in bodies(domain) for part in body
     ):
         found.add("object")
     return _held(domain, found)
@@ -174,7 +172,8 @@ def _ranging(condition: Condition) -> set[str]:
     return found
 
 
-def _bodies(domain: Domain) -> Iterator[Body]:
+def bodies(domain: Domain) -> Iterator[Body]:
+    """The bodies of operators, deductive operators with their consequences, and rules over fluents."""
     for operator in domain.operators:
         yield operator.body
     for deductive in domain.deductive_operators:

@@ -7,15 +7,15 @@ from pathlib import Path
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import is_file
 from kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
-from kb.loader.cell_frames import Frames, read_placement
-from kb.loader.cell_guides import read_guide, read_plain
-from kb.loader.cell_locations import Known, read_locations
-from kb.loader.cell_measuring import read_measuring
-from kb.loader.cell_operations import read_operations
-from kb.loader.cell_places import Mentioned, is_tool, read_places
-from kb.loader.loading import domain_of
+from kb.loader.cell.frames import Frames, read_placement
+from kb.loader.cell.guides import read_guide, read_plain
+from kb.loader.cell.locations import Known, read_locations
+from kb.loader.cell.measuring import read_measuring
+from kb.loader.cell.operations import read_operations
+from kb.loader.cell.places import Mentioned, is_tool, read_places
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
+from kb.loader.references import domain_of
 from kb.loader.tree import Node, read_file
 from kb.model.cell import (
     WORLD,

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from kb.diagnostics import unknown_name
-from kb.loader.cell_frames import Frames, read_placement
+from kb.loader.cell.frames import Frames, read_placement
 from kb.loader.quantities import Quantities, child
 from kb.loader.reader import Reader
 from kb.loader.tree import Node

@@ -12,7 +12,7 @@ from kb.diagnostics import InvalidInput, Source
 from kb.loader.quantities import Quantities, child
 from kb.loader.reader import Findings
 from kb.loader.tree import Node, read_file
-from kb.loader.urdf_elements import ElementReader
+from kb.loader.urdf.elements import ElementReader
 from kb.loader.xml import Element, read_xml
 from kb.model.cell import Arm, Inertia, Joint, JointKind, Link, Mimic
 from kb.model.shapes import Offsets, PlacedShape, Pose

@@ -3,14 +3,13 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import is_there, read_file
-from kb.loader.contact_templates import Templates
-from kb.loader.domain import read_domain
+from kb.diagnostics import Diagnostic, unknown_name
+from kb.loader.contacts.templates import Templates
+from kb.loader.domain import read_beside
 from kb.loader.inference import Typing
 from kb.loader.names import Names
 from kb.loader.quantities import Quantities, child, members
-from kb.loader.reader import Findings, Reader, require, validate_shape
+from kb.loader.reader import Findings, Reader, require
 from kb.loader.tree import Node
 from kb.model.contacts import (
     GROUND,
@@ -34,19 +33,10 @@ from kb.terms import Atom
 
 def load_contacts(domain: Path) -> tuple[ContactModel, tuple[Diagnostic, ...]]:
     """The contact model beside a domain file, and warnings. Raises `InvalidInput` with all errors."""
-    path = domain.with_name(CONTACTS_FILE)
-    if not is_there(path):
-        hint = "write one: `cellwright schema contacts` shows its form"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K405", "this domain has no contact model", hint)])
-    known, names = read_domain(domain, Findings())
-    findings = Findings()
-    reader = Reader.of(read_file(path), findings)
-    if not validate_shape(reader, "contacts"):
-        require(findings)
-    names.findings = findings
-    model = _ContactReader(reader, known, names).model(str(path))
-    require(findings)
-    return model, findings.warnings()
+    reader, known, names = read_beside(domain, CONTACTS_FILE, "contacts", "contact model")
+    model = _ContactReader(reader, known, names).model(str(domain.with_name(CONTACTS_FILE)))
+    require(reader.findings)
+    return model, reader.findings.warnings()
 
 
 class _ContactReader:

@@ -3,7 +3,7 @@
 from fractions import Fraction
 
 from kb.diagnostics import unknown_name
-from kb.loader.cell_locations import Known
+from kb.loader.cell.locations import Known
 from kb.loader.quantities import child
 from kb.loader.reader import Findings, Reader
 from kb.loader.tree import Node

@@ -1,0 +1,29 @@
+# The types with which Cython compiles sums.py. That file says what they mean.
+import cython
+
+@cython.final
+cdef class Comparisons:
+    cdef int count, width
+    cdef int[::1] starts, places, relations, atoms, others
+    cdef long long[::1] factors, constants, totals
+
+    @cython.locals(index=int, atom=int, found="unsigned char[::1]")
+    cpdef bytes true(self, long long[::1] values)
+
+    @cython.locals(index=int, place=int, total="long long")
+    cpdef void add(self, long long[::1] values) noexcept
+
+cdef bint _holds(long long total, int relation) noexcept
+
+@cython.final
+cdef class Repetitions:
+    cdef Comparisons comparisons
+    cdef int count
+    cdef int[::1] tests, relations
+    cdef long long[::1] gains, costs
+    cdef object found
+
+    @cython.locals(index=int, times="long long", found="long long[::1]")
+    cpdef object needed(self, long long[::1] values)
+
+cdef long long _times(long long total, int relation, long long gain) noexcept

@@ -1,0 +1,84 @@
+"""What comparisons and changes of quantities mean in fluents: a quantity is a fluent whose last argument is its value.
+
+A comparison means that the fluents have some values for which it holds. A change is an effect that ends the old value and one
+that adds the new value, so what reads domains needs to know fluents only.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+
+from kb.model.conditions import And, Comparison, Condition, Exists, Literal, Parameter
+from kb.model.domain import Effect, Quantity
+from kb.terms import Atom, Function, Number, Operation, Term, Variable
+
+Fresh = Iterator[int]
+Values = Mapping[Function, Variable]
+
+
+def replaced(term: Term, known: Collection[str], values: dict[Function, Variable], fresh: Fresh) -> Term:
+    """A term with a variable in the place of each quantity in `known`; `values` are these variables."""
+    match term:
+        case Operation(sign, left, right):
+            return Operation(
+                sign, replaced(left, known, values, fresh), replaced(right, known, values, fresh)
+            )
+        case Function(name) if name in known:
+            return values.setdefault(term, Variable(f"_Value{next(fresh)}"))
+        case _:
+            return term
+
+
+def compared(comparison: Comparison, known: Collection[str], fresh: Fresh) -> Condition:
+    """A comparison in which quantities may stand, as a condition on fluents."""
+    values: dict[Function, Variable] = {}
+    left, right = (replaced(side, known, values, fresh) for side in (comparison.left, comparison.right))
+    return some(values, [Comparison(left, comparison.relation, right)]) if values else comparison
+
+
+def some(values: Values, tests: Iterable[Comparison]) -> Condition:
+    """The quantities have some values for which the comparisons hold."""
+    parameters = tuple(Parameter(variable, "int") for variable in values.values())
+    return Exists(parameters, And((*fluents(values), *tests)))
+
+
+def fluents(values: Values) -> Iterator[Literal]:
+    """The fluents that give the quantities their values."""
+    for quantity, variable in values.items():
+        yield Literal(valued(quantity, variable))
+
+
+def valued(quantity: Function, value: Term) -> Atom:
+    """The fluent that says that a quantity has a value."""
+    return Function(quantity.name, (*quantity.arguments, value))
+
+
+def within(value: Term, bounds: Quantity) -> list[Comparison]:
+    """That a value is in the range of its quantity; nothing where the range is open."""
+    found = []
+    if bounds.low is not None:
+        found.append(Comparison(value, ">=", Number(bounds.low)))
+    if bounds.high is not None:
+        found.append(Comparison(value, "<=", Number(bounds.high)))
+    return found
+
+
+def change(
+    quantity: Function, new: Term, values: Values, bounds: Quantity, fresh: Fresh
+) -> tuple[Effect, Effect]:
+    """The end of the old value, and the new one. In `new`, quantities are the variables in `values`; one of them is `quantity`."""
+    held = tuple(fluents(values))
+    parameters = tuple(Parameter(variable, "int") for variable in values.values())
+    after = Variable(f"_Value{next(fresh)}")
+    condition = And((*held, Comparison(after, "=", new), *within(after, bounds)))
+    ends = Effect(valued(quantity, values[quantity]), False, parameters, And(held))
+    return ends, Effect(valued(quantity, after), True, (*parameters, Parameter(after, "int")), condition)
+
+
+def apart(changed: Iterable[tuple[Function, Function]]) -> list[Comparison]:
+    """What keeps the two quantities of each pair from being the same one."""
+    return [
+        Comparison(_together(one), "!=", _together(other)) for one, other in changed if one.name == other.name
+    ]
+
+
+def _together(quantity: Function) -> Term:
+    return quantity.arguments[0] if len(quantity.arguments) == 1 else Function("_of", quantity.arguments)

@@ -1,0 +1,159 @@
+"""Measurements that no arm can take are told before anything moves, each with its reason; everything else is planned."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from engine.model.outcome import Found
+from engine.pipelines import objective
+from engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
+from engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
+from engine.pipelines.moves.leaving_out import within_reach
+from engine.pipelines.planning import problem_of
+from engine.pipelines.poses.planning import plan_with_poses
+from engine.plugins import geometry_backend
+from engine.stages.planning import Limits
+from kb.loader import load_problem
+from kb.loader.cell import cell_of
+from kb.model.cell import Body, BodyKind, Cell, Placement
+from kb.model.conditions import goal_parts
+from kb.model.problem import Chain, Problem
+from kb.model.shapes import Box, PlacedShape, Pose
+from kb.terms import Function
+
+HEAD = "problem: few\ndomain: bulkhead\nobjects:\n  measurement: [a1..3]\nstatics:\n"
+POINTS = {
+    "a1": (-0.2, -0.5, -1),
+    "a2": (0.2, 0.5, -1),
+    "a3": (0.3, 0.15, -1),
+}  # x, y (m), and the normal along z
+UNREACHED = {
+    "too far away": {"a2": (0.2, 6.0, -1)},
+    "from behind": {"a1": (-0.2, -0.5, 1)},
+    "both": {"a1": (-0.2, -0.5, 1), "a2": (0.2, 6.0, -1)},
+}
+
+
+def few(folder: Path, **elsewhere: tuple[float, float, int]) -> str:
+    """A problem file with three points, some of them elsewhere."""
+    lines = []
+    for name, (x, y, z) in (POINTS | elsewhere).items():
+        lines += [f"needs({name}, thickness)", f"position({name}, {round(x * 1e6)}, {round(y * 1e6)}, 0)"]
+        lines += [f"normal({name}, 0, 0, {z * 1000})"]
+    goals = "goals:\n" + "".join(f"  - measured(_, _, meas({name}))\n" for name in POINTS)
+    path = folder / "few.yaml"
+    path.write_text(HEAD + "".join(f"  - {line}\n" for line in lines) + goals)
+    return str(path)
+
+
+def moving(problem: Problem, cell: Cell) -> tuple[set[str], dict[str, str], bool]:
+    """The points that are measured, those that are given up with the reasons, and whether all paths are proved."""
+    made = plan_with_poses(
+        problem, cell, geometry_backend(), lambda each: objective.plan(each, Limits())
+    ).moving
+    assert isinstance(made.run.outcome, Found)
+    steps = made.run.outcome.plan.steps
+    done = {str(step.operator.arguments[2]) for step in steps if step.operator.name == "us_measure"}
+    lost = {each.goal.partition("meas(")[2].partition(")")[0]: each.why for each in made.given_up}
+    return done, lost, all(each.proved for each in made.steps)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", UNREACHED)
+def test_each_point_out_of_reach_is_told_and_the_others_are_measured(way: str, tmp_path: Path) -> None:
+    target = few(tmp_path, **UNREACHED[way])
+    done, lost, proved = moving(problem_of(target), cell_of(target))
+    assert set(lost) == set(UNREACHED[way])
+    assert done == set(POINTS) - set(lost)
+    assert all(lost.values())
+    assert proved
+
+
+@pytest.mark.slow
+def test_a_point_behind_an_obstacle_is_told_with_the_obstacle(tmp_path: Path) -> None:
+    target = few(tmp_path)
+    cell = cell_of(target)
+    x, y, _ = POINTS["a1"]
+    placement = Placement("bulkhead", Pose((x, y, -0.1), (0.0, 0.0, 0.0)))
+    block = Body("block", BodyKind.FIXTURE, placement, (PlacedShape(Box((0.1, 0.1, 0.1))),))
+    done, lost, _ = moving(problem_of(target), replace(cell, bodies={**cell.bodies, "block": block}))
+    assert set(lost) == {"a1"}
+    assert "block" in lost["a1"]
+    assert done == {"a2", "a3"}
+
+
+class Killed(BaseException):
+    """The process is gone."""
+
+
+@pytest.mark.slow
+def test_a_run_with_motion_goes_on_with_what_was_found_out_before_it(tmp_path: Path) -> None:
+    target = few(tmp_path, **UNREACHED["too far away"])
+    told = problem_of(target)
+    made = plan_with_poses(
+        told, cell_of(target), geometry_backend(), lambda each: objective.plan(each, Limits())
+    ).moving
+    wanted = named(Wanted(target, store=str(tmp_path / "j.db")), told)
+    whole = replace(made.problem, goal=told.goal)
+    done = 0
+
+    def kill(record: object) -> None:
+        nonlocal done
+        done += getattr(record, "kind", None) == "done"
+        if done == 5:
+            raise Killed
+
+    with pytest.raises(Killed):
+        begin(
+            wanted,
+            whole,
+            Timed(),
+            [kill],
+            table=made.run.timetable,
+            scope=Scope(made.problem, made.given_up),
+        )
+    ending = resume(wanted.store, wanted.run, Timed())
+    assert (ending.outcome, len(ending.goals), len(ending.open_goals)) == ("partly", 2, 1)
+    assert "out of the reach" in ending.given_up[0][1]
+    assert isinstance(made.run.outcome, Found)
+    assert ending.steps == len(made.run.outcome.plan.steps)
+    assert ending.makespan_ms == ending.forecast_ms
+
+
+def test_goals_about_nothing_that_is_lost_stay() -> None:
+    problem = load_problem("bulkhead/twelve_points")
+    left, given_up = within_reach(problem, {"m3": "it is too far", "m7": "it is behind"})
+    assert [each.why for each in given_up] == ["it is too far", "it is behind"]
+    gone = set(goal_parts(problem.goal)) - set(goal_parts(left.goal))
+    assert {str(part) for part in gone} == {each.goal for each in given_up}
+
+
+def test_where_everything_is_lost_the_problem_stays() -> None:
+    problem = load_problem("bulkhead/one_point")
+    assert within_reach(problem, {f"m{n}": "it is too far" for n in range(1, 13)}) == (problem, ())
+
+
+def test_what_waits_for_a_lost_measurement_no_longer_waits() -> None:
+    problem = problem_of("bulkhead/twelve_points", "", "measure m1, then m2, then m3")
+    left, given_up = within_reach(problem, {"m2": "it is too far"})
+    assert {each.why for each in given_up} == {"it is too far"}
+    assert [chain.stages for chain in left.chains] == [problem.chains[n].stages for n in (0, 2)]
+    assert all(not chain.after for chain in left.chains)
+
+
+def test_a_chain_ends_before_its_first_stage_that_is_lost() -> None:
+    problem = problem_of("bulkhead/twelve_points", "", "measure m1, then m2, then m3")
+    whole = Chain("all", tuple(stage for chain in problem.chains for stage in chain.stages))
+    left, given_up = within_reach(replace(problem, chains=(whole,)), {"m2": "it is too far"})
+    assert [chain.stages for chain in left.chains] == [whole.stages[:1]]
+    assert [each.why for each in given_up][-2:] == ["it is too far", f"it comes after {whole.stages[1]}"]
+
+
+def test_what_was_found_out_survives_the_journal() -> None:
+    told = load_problem("bulkhead/three_stations")
+    fact = Function("serves", (Function("left"), Function("b1")))
+    step = Function("move_retract", (Function("t3_746"), Function("a1")))
+    known = replace(told, statics=(*told.statics, fact), durations={step: 7})
+    assert with_knowledge(told, added_knowledge(told, known)) == known
+    assert added_knowledge(told, told) == {}

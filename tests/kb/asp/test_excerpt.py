@@ -1,0 +1,159 @@
+"""Excerpts of large problems: clingo says of the objects that stay what it says of them in the whole problem."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+
+from kb.asp.excerpt import excerpt
+from kb.asp.statements import ParsedStatement, statements
+from kb.asp.statics import evaluated
+from kb.diagnostics import Source
+from kb.model.conditions import Comparison, Literal, Parameter
+from kb.model.domain import Default, Domain, Effect, Kind, Operator, Predicate, Type
+from kb.model.likeness import names
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Number, Variable
+
+X, Y = Variable("X"), Variable("Y")
+STATICS = {
+    "wide": ("point",),
+    "deep": ("point", "int"),
+    "near": ("point", "point"),
+    "good": ("point",),
+    "lonely": ("point",),
+    "pair": ("point", "point"),
+    "many": (),
+    "apart": ("point", "point"),
+}
+RULES = (
+    "good(X) :- wide(X), not lonely(X).",
+    "good(X) :- deep(X,W), W < 3.",
+    "lonely(X) :- point(X), not near(X,_), not near(_,X).",
+    "pair(X,Y) :- wide(X), wide(Y), X != Y.",
+    "pair(X,Y) :- near(X,Z), near(Z,Y).",
+    "many :- point(X), point(Y), point(Z), X != Y, Y != Z, X != Z, not wide(X), not wide(Y), not wide(Z).",
+    "many :- pair(X,Y), deep(X,V), deep(Y,W), V < W.",
+    "apart(X,Y) :- point(X), point(Y), not pair(X,Y), not pair(Y,X).",
+    "apart(X,Y) :- apart(X,Z), apart(Z,Y), good(Y).",
+    "good(p3) :- many.",
+    ":- lonely(X), wide(X), many.",
+)
+
+
+def domain(rules: list[str], body: tuple[Literal | Comparison, ...]) -> Domain:
+    predicates = {name: Predicate(name, types, Kind.STATIC) for name, types in STATICS.items()}
+    predicates["done"] = Predicate("done", ("point",), Kind.FLUENT)
+    parsed = statements("\n".join(rules), lambda _line, _column: Source("rules.lp"))
+    go = Operator(
+        "go",
+        (Parameter(X, "point"), Parameter(Y, "point")),
+        Literal(Function("done", (Y,))),
+        (Effect(Function("done", (X,))),),
+        body,
+    )
+    return Domain(
+        "random",
+        {"point": Type("point")},
+        predicates=predicates,
+        operators=(go,),
+        asp=tuple(each.statement for each in parsed if isinstance(each, ParsedStatement)),
+    )
+
+
+def atom(name: str, *arguments: str | int) -> Atom:
+    return Function(name, tuple(Number(a) if isinstance(a, int) else Function(a) for a in arguments))
+
+
+@st.composite
+def problems(draw: st.DrawFn) -> Problem:
+    """Twenty points, many of which are alike; some are tied to each other."""
+    rules = draw(st.lists(st.sampled_from(RULES), unique=True, min_size=1))
+    heads = {rule.split("(")[0].split(" ")[0] for rule in rules}
+    read = tuple(Literal(Function(each, (X,))) for each in ("good", "lonely") if each in heads)
+    both = tuple(
+        Literal(Function(each, (X, Y)), draw(st.booleans())) for each in ("pair", "apart") if each in heads
+    )
+    points = [f"p{number}" for number in range(1, 21)]
+    facts = [atom("wide", each) for each in points if draw(st.integers(0, 3)) == 0]
+    facts += [atom("deep", each, draw(st.integers(1, 4))) for each in points[::2]]
+    facts += [
+        atom("near", *draw(st.tuples(st.sampled_from(points), st.sampled_from(points))))
+        for _ in range(draw(st.integers(0, 3)))
+    ]
+    initial = (atom("done", draw(st.sampled_from(points))),)
+    goal = Literal(atom("done", draw(st.sampled_from(points))))
+    return Problem(
+        "random",
+        domain(rules, read + both),
+        dict.fromkeys(points, "point"),
+        tuple(dict.fromkeys(facts)),
+        initial,
+        goal,
+    )
+
+
+def about(problem: Problem, kept: set[str]) -> set[str]:
+    """What is true of some objects, as clingo says."""
+    return {str(each) for each in evaluated(problem).everything() if kept.issuperset(names(each))}
+
+
+@settings(deadline=None)
+@given(problems())
+def test_an_excerpt_says_of_its_objects_what_the_whole_says(problem: Problem) -> None:
+    few = excerpt(problem)
+    event(f"left out: {len(few.objects) < len(problem.objects)}")
+    assert about(few, set(few.objects)) == about(problem, set(few.objects))
+
+
+def test_of_many_alike_few_stay_and_those_that_are_named() -> None:
+    points = [f"p{number}" for number in range(1, 301)]
+    problem = Problem(
+        "many",
+        domain(list(RULES[:4]), (Literal(Function("good", (X,))),)),
+        dict.fromkeys(points, "point"),
+        (atom("wide", "p7"),),
+        (),
+        Literal(atom("done", "p200")),
+    )
+    few = excerpt(problem, {"p100"})
+    assert {"p7", "p100", "p200"} <= set(few.objects)
+    assert len(few.objects) < 20
+    assert len(excerpt(replace(problem, objects={**problem.objects, "q": "point"})).objects) < 20
+
+
+COUNTING = "many :- 7 <= #count { X : wide(X) }."
+ORDERING = "pair(X,Y) :- wide(X), wide(Y), X < Y."
+
+
+@pytest.mark.parametrize("rule", [COUNTING, ORDERING])
+def test_a_problem_whose_rules_can_tell_objects_apart_stays_whole(rule: str) -> None:
+    points = [f"p{number}" for number in range(1, 301)]
+    facts = tuple(atom("wide", each) for each in points)
+    problem = Problem(
+        "many", domain([rule], ()), dict.fromkeys(points, "point"), facts, (), Literal(atom("done", "p2"))
+    )
+    assert excerpt(problem) is problem
+
+
+def test_objects_that_operators_order_stay() -> None:
+    points = [f"p{number}" for number in range(1, 301)]
+    problem = Problem(
+        "many",
+        domain([], (Comparison(X, "<", Y),)),
+        dict.fromkeys(points, "point"),
+        (),
+        (),
+        Literal(atom("done", "p2")),
+    )
+    assert excerpt(problem) is problem
+
+
+def test_objects_over_which_defaults_range_stay() -> None:
+    points = [f"p{number}" for number in range(1, 301)]
+    given = domain([], ())
+    default = Default(Function("done", (X,)), (Parameter(X, "point"),))
+    problem = Problem("many", given, dict.fromkeys(points, "point"), (), (), Literal(atom("done", "p2")))
+    assert excerpt(problem) is not problem
+    assert excerpt(replace(problem, domain=replace(given, defaults=(default,)))).objects == problem.objects
