@@ -26,7 +26,19 @@ QUIET = (
     "--enable-unsafe-swiftshader",
 )
 RUNS = {"themse": ["themse/one", "--fault", "3=not_gripped"], "bulkhead": ["bulkhead/twelve_points"]}
-VIEWS = ("now", "cell", "plan", "world", "sequence", "diagnosis", "results", "objects", "log", "compare")
+VIEWS = (
+    "now",
+    "cell",
+    "plan",
+    "world",
+    "states",
+    "sequence",
+    "diagnosis",
+    "results",
+    "objects",
+    "log",
+    "compare",
+)
 SIZE = {"width": 1280, "height": 720}
 
 
@@ -45,7 +57,7 @@ def views(page: Any, site: str, run: str, folder: Path) -> None:
         page.keyboard.press(",")
     for view in VIEWS:
         named(page, f"tab-{view}").click()
-        page.wait_for_timeout(1500)
+        page.wait_for_timeout(8000 if view == "states" else 1500)
         if view == "compare":
             named(page, "other").click()
             page.locator(".q-menu .q-item").first.click()

@@ -35,7 +35,7 @@ class MeasurementPoint:
 
     `kind` is what the tool must measure (thickness, profile). `tolerance_m` is the width of the tolerance
     zone that the measurement must confirm. `step` says in which step of the alignment the point is measured; 0: in none.
-    `nominal_m` is what the measurement should give.
+    `nominal_m` is what the measurement should give, `tool` the one that is to take it if it can; empty: any.
     """
 
     name: str
@@ -47,6 +47,7 @@ class MeasurementPoint:
     bore_m: float | None = None
     step: int = 0
     nominal_m: float | None = None
+    tool: str = ""
 
 
 @dataclass(frozen=True, slots=True)

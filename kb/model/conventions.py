@@ -127,6 +127,9 @@ class Conventions:
     bore: str = _static(
         "bore", "measurement, int", WRITTEN, "how wide the hole is that a measurement lies in, in micrometres"
     )
+    prefers: str = _static(
+        "prefers", "measurement, tool", WRITTEN, "a tool that is to take a measurement if it can"
+    )
     alignment: str = _static(
         "alignment",
         "measurement, int",

@@ -30,6 +30,8 @@ Bore = Annotated[
     float | None, typer.Option("--bore", help="width of the hole around the point, in millimetres")
 ]
 
+Tool = Annotated[str, typer.Option("--tool", help="the tool that is to take it, if it can")]
+
 
 @app.callback()
 def measurement() -> None:
@@ -54,9 +56,10 @@ def _writing(how: str, says: str) -> Callable[..., None]:
         tolerance: Tolerance = None,
         bore: Bore = None,
         nominal: Nominal = None,
+        tool: Tool = "",
         format: Format = Form.TEXT,
     ) -> None:
-        point = _point(name, at, normal, kind, (tolerance, bore, nominal))
+        point = _point(name, at, normal, kind, (tolerance, bore, nominal), tool)
         give(lambda: _change(file, how, point), format)
 
     write.__doc__ = says
@@ -67,7 +70,7 @@ app.command("add")(_writing("added", "Add the measurement NAME, and a goal for i
 app.command("edit")(
     _writing(
         "replaced",
-        "Change the position, kind, nominal value, tolerance and bore of the measurement NAME in the problem FILE.",
+        "Change the position, kind, nominal value, tolerance, bore and tool of the measurement NAME in the problem FILE.",
     )
 )
 
@@ -108,6 +111,7 @@ def _point(
     normal: tuple[float, float, float],
     kind: str,
     sizes: tuple[float | None, float | None, float | None],
+    tool: str,
 ) -> "MeasurementPoint":
     from math import hypot
 
@@ -119,7 +123,7 @@ def _point(
     tolerance, bore, wanted = (None if each is None else each * 1e-3 for each in sizes)
     place = (at[0] * 1e-3, at[1] * 1e-3, at[2] * 1e-3)
     unit = (normal[0] / length, normal[1] / length, normal[2] / length)
-    return MeasurementPoint(name, name, kind, place, unit, tolerance, bore, nominal_m=wanted)
+    return MeasurementPoint(name, name, kind, place, unit, tolerance, bore, nominal_m=wanted, tool=tool)
 
 
 def _change(file: Path, how: str, what: "MeasurementPoint | str") -> Answer:

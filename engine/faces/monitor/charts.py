@@ -124,7 +124,8 @@ def _points(points: Sequence[tuple[float, float]], results: Sequence[dict[str, A
         yield f"{mark}<title>{each['value']:g} {escape(str(each.get('unit', '')))}</title>{end}"
 
 
-SHARES = ("#1f6fb5", "#e0a100", "#2f8f4e", "#a040a0", "#c8321f", "#5a6270", "#7a5c2e", "#20a0a0")
+LETTERS = "abcdefgh"
+SHARES = ("#1f6fb5", "#8f6400", "#2f8f4e", "#a040a0", "#c8321f", "#5a6270", "#7a5c2e", "#20a0a0")
 
 
 def belief_chart(findings: Sequence[dict[str, Any]]) -> str:
@@ -140,25 +141,24 @@ def belief_chart(findings: Sequence[dict[str, Any]]) -> str:
         f'aria-label="beliefs" font-size="11"><style>{STYLE}</style>'
     ]
     for row, (each, belief) in enumerate(zip(findings, beliefs, strict=True)):
-        y, x = 26 * row + 4, 200.0
         said = str(each.get("action") or "found").partition("(")[0]
-        lines.append(f'<text class="text" x="4" y="{y + 14}">{escape(said[:30])}</text>')
-        for colour, cause in zip(SHARES, causes, strict=False):
-            width = 340 * belief.get(cause, 0.0)
-            percent = f"{round(100 * belief.get(cause, 0.0))} %"
-            lines.append(
-                f'<g><title>{escape(cause)}: {percent}</title><rect x="{x:.1f}" y="{y}" width="{width:.1f}" height="20" '
-                f'fill="{colour}"/>'
-                + (
-                    f'<text x="{x + 3:.1f}" y="{y + 14}" fill="#ffffff">{percent}</text>'
-                    if width > 34
-                    else ""
-                )
-                + "</g>"
-            )
-            x += width
-    for row, (colour, cause) in enumerate(zip(SHARES, causes, strict=False)):
+        lines.append(f'<text class="text" x="4" y="{26 * row + 18}">{escape(said[:30])}</text>')
+        lines += _shares(belief, causes, 26 * row + 4)
+    for row, (letter, colour, cause) in enumerate(zip(LETTERS, SHARES, causes, strict=False)):
         y = 26 * len(beliefs) + 18 * row + 8
         lines.append(f'<rect x="200" y="{y}" width="12" height="12" fill="{colour}"/>')
-        lines.append(f'<text class="text" x="218" y="{y + 10}">{escape(cause)}</text>')
+        lines.append(f'<text class="text" x="218" y="{y + 10}">{letter}: {escape(cause)}</text>')
     return "\n".join([*lines, "</svg>"])
+
+
+def _shares(belief: dict[str, float], causes: Sequence[str], y: int) -> Iterator[str]:
+    """The bars of one row, each with the letter of its cause; what is left is believed of other causes."""
+    x = 200.0
+    for letter, colour, cause in zip(LETTERS, SHARES, causes, strict=False):
+        width, percent = 340 * belief.get(cause, 0.0), f"{round(100 * belief.get(cause, 0.0))} %"
+        inside = f"{letter} {percent}" if width > 44 else letter if width > 12 else ""
+        yield (
+            f'<g><title>{escape(cause)}: {percent}</title><rect x="{x:.1f}" y="{y}" width="{width:.1f}" height="20" '
+            f'fill="{colour}"/><text x="{x + 3:.1f}" y="{y + 14}" fill="#ffffff">{inside}</text></g>'
+        )
+        x += width

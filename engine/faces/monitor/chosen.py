@@ -11,25 +11,23 @@ from engine.faces.monitor.viewing import Look
 
 
 class Chosen:
-    """A drawer on the right, open while something is chosen."""
+    """A panel, shown while something is chosen: beside the views, or above them where the screen is narrow."""
 
     def __init__(self, look: Look) -> None:
         self.look = look
         self._told: tuple[object, ...] = ()
-        with ui.right_drawer(value=False, bordered=True).props(
-            'width=320 breakpoint=700 data-testid="drawer" aria-label="what is chosen"'
-        ) as self._drawer:
+        with ui.column().classes("chosen gap-1").props('data-testid="panel"') as self._panel:
             with ui.row().classes("w-full items-center no-wrap"):
-                self._name = ui.label("").classes("text-bold col").style("overflow-wrap: anywhere")
+                self._name = ui.label("").classes("text-bold col")
                 close = ui.button(icon="close", on_click=lambda: self.look.choose(""))
                 close.props('dense flat round aria-label="choose nothing" data-testid="unchoose"')
-            self._lines = ui.column().classes("gap-1 w-full").style("overflow-wrap: anywhere")
+            self._lines = ui.column().classes("gap-1 w-full")
             self._lines.props('data-testid="chosen" role="status"')
 
     def show(self) -> None:
         """Tell of what is chosen now. Why a step is in the plan takes a moment."""
         look = self.look
-        self._drawer.set_value(bool(look.step))
+        self._panel.set_visibility(bool(look.step))
         lines = [*told_of(look.run, look.step), *self._brought()]
         told = (look.step, *lines, len(look.run.plan.get("steps", ())))
         if told == self._told:

@@ -12,7 +12,9 @@ from engine.faces.monitor.reasons import decision_tree
 from engine.faces.monitor.sequences import pickable, sequence_picture
 from engine.faces.monitor.tables import fill, made
 from engine.faces.monitor.viewing import View, picture
+from engine.formats.interop.results import ResultForm, written
 from engine.formats.report.execution import duration
+from engine.pipelines.results import results_of
 
 
 class Sequence(View):
@@ -33,7 +35,7 @@ class Sequence(View):
         self._drawn = id(plan), chosen
         made_ = sequence_picture(self.look.shared.target(self.look.run.run), plan) if plan else None
         said = "This plan measures nothing whose place is known."
-        self._picture.set_content(pickable(made_, chosen) if made_ else said)
+        self._picture.set_content(picture(pickable(made_, chosen) if made_ else said))
 
 
 class Diagnosis(View):
@@ -43,11 +45,11 @@ class Diagnosis(View):
 
     def make(self) -> None:
         """Make what is shown, still empty."""
-        self._beliefs = ui.row()
-        self._table = made(self.look.choose, "at", "what", "of", "outcome", "belief")
+        self._table = made(self.look.choose, "at", "what", "of", "outcome", "belief before it")
         button = ui.button("Decision tree of the last exception", on_click=self._tree)
         button.props('dense no-caps outline data-testid="tree"')
         self._picture = ui.html("", sanitize=False).props('data-testid="decision-tree"')
+        self._beliefs = ui.row()
         self._drawn = -1
 
     def show(self) -> None:
@@ -108,7 +110,12 @@ class Results(View):
 
     def make(self) -> None:
         """Make what is shown, still empty."""
+        with ui.row():
+            for form in ResultForm:
+                button = ui.button(f"Save as {form.value}", on_click=lambda _, form=form: self._save(form))
+                button.props(f'dense no-caps outline data-testid="save-{form.value}"')
         self._table = made(self.look.choose, "of", "quantity", "value", "nominal", "from", "to", "", "at")
+        self._none = ui.label("nothing was measured yet; what was done to each object is told by `objects`")
         self._charts = ui.row()
         self._drawn: tuple[object, ...] = ()
 
@@ -120,6 +127,7 @@ class Results(View):
             return
         self._drawn = drawn
         fill(self._table, [_measured(each) for each in run.results], related(run, self.look.step))
+        self._none.set_visibility(not run.results)
         features: dict[str, list[dict[str, Any]]] = defaultdict(list)
         for each in run.results:
             if "value" in each:
@@ -130,6 +138,12 @@ class Results(View):
                 with ui.column():
                     ui.label(name)
                     ui.html(run_chart(values), sanitize=False)
+
+    async def _save(self, form: ResultForm) -> None:
+        """Give the results of the whole run to the browser as a file."""
+        run = self.look.run.run
+        found = await asyncio.to_thread(results_of, self.look.shared.store, run)
+        ui.download.content(written(found, form), f"{run}.{form.value}")
 
 
 def _measured(each: dict[str, Any]) -> tuple[str, ...]:

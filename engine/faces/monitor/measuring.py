@@ -4,17 +4,21 @@ import asyncio
 import json
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import background_tasks, events, ui
 
 from engine.faces.monitor.cell3d import SIDES, scene_of, turned
-from engine.faces.monitor.page import head
+from engine.faces.monitor.frame import head, heading
 from engine.faces.monitor.shared import Shared
 from engine.faces.monitor.sheets import Part, written_point
 from engine.stages.geometry.shapes.snapping import SnapTo
 from kb.diagnostics import InvalidInput
 
 SIZES = ("nominal", "tolerance", "bore")  # millimetres, may be empty
-COLUMNS = ("name", "kind", "x", "y", "z", *SIZES)
+COLUMNS = ("name", "kind", "x", "y", "z", *SIZES, "tool")
+NUMBER = """<q-td :props="props"><q-input dense borderless type="number" v-model.number="props.row[props.col.name]"
+  :aria-label="props.col.name + ' of ' + props.row.name" input-style="width: 5em" :readonly="READ_ONLY"
+  @change="() => $parent.$emit('edited', props.row)" /></q-td>"""
+ANY = "any"  # tool
 CHOSEN, WRITTEN, SIZE = "#d02090", "#1f6fb5", 0.012  # colours, and how large a point is shown, of everything
 
 
@@ -27,10 +31,7 @@ class MeasuringPage:
         self.part = Part(self.path)
         self._scene: ui.scene
         head(shared)
-        with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
-            ui.link("runs", "/").classes("text-white")
-            ui.link("measurements", "/measure").classes("text-white")
-            ui.label(name).classes("text-h6").props('data-testid="title"')
+        heading(name)
         with ui.row().classes("w-full no-wrap items-start"):
             with ui.column().classes("col-7"):
                 self._model()
@@ -69,12 +70,19 @@ class MeasuringPage:
             self._name = ui.input("name", value=self.part.free_name()).props('dense data-testid="name"')
             self._kind = ui.select(self.part.kinds, value=self.part.kinds[0], label="measure")
             self._kind.props('dense options-dense data-testid="kind"').classes("w-32")
+            self._tool = ui.select([ANY, *self.part.tools], value=ANY, label="by tool")
+            self._tool.props('dense options-dense data-testid="tool"').classes("w-32")
+            self._tool.set_visibility(bool(self.part.tools))
         self._at = self._numbers("x", "y", "z")
         self._normal = self._numbers("nx", "ny", "nz", values=(0.0, 0.0, 1.0))
         self._sizes = self._numbers(*SIZES, values=(None, None, None))
+        for field in (*self._at.values(), *self._normal.values(), *self._sizes.values()):
+            field.on("change", self._look)
+        for chosen in (self._kind, self._tool):
+            chosen.on_value_change(self._look)
         self._verdict = ui.label("").props('data-testid="verdict" role="status"')
         with ui.row().classes("gap-2"):
-            self._button("Look", "look", self._judge)
+            self._button("Look", "look", self._look)
             self._button("Add", "add", lambda: self._send("added", [self._point()]))
             self._button("Change chosen", "change", self._change)
             self._button("Remove chosen", "remove", self._remove)
@@ -98,6 +106,11 @@ class MeasuringPage:
         self._table = ui.table(columns=columns, rows=[], row_key="name", selection="multiple")
         self._table.props('dense flat data-testid="points" no-data-label="no measurement has a position yet"')
         self._table.classes("w-full").style("max-height: 40vh")
+        for each in ("x", "y", "z", *SIZES):
+            self._table.add_slot(
+                f"body-cell-{each}", NUMBER.replace("READ_ONLY", str(self.shared.read_only).lower())
+            )
+        self._table.on("edited", lambda event: self._edited(event.args))
 
     def _refill(self) -> None:
         """Show the measurements that the file has now."""
@@ -132,7 +145,7 @@ class MeasuringPage:
             field.set_value(round(value, 6) + 0.0)
         if found.bore_m is not None:
             self._sizes["bore"].set_value(round(1000 * found.bore_m, 3))
-        await self._judge()
+        self._look()
 
     def _point(self) -> dict[str, Any]:
         sizes = {key: field.value for key, field in self._sizes.items() if field.value is not None}
@@ -141,8 +154,13 @@ class MeasuringPage:
             "kind": str(self._kind.value),
             "at": [each.value for each in self._at.values()],
             "normal": [each.value for each in self._normal.values()],
+            "tool": "" if self._tool.value == ANY else str(self._tool.value),
             **sizes,
         }
+
+    def _look(self) -> None:
+        """Have the point judged as it is now; of several that wait, only the last one is."""
+        background_tasks.create_lazy(self._judge(), name=f"judged {id(self)}")
 
     async def _judge(self) -> None:
         """Tell whether the point can be measured, and if not, why."""
@@ -158,12 +176,19 @@ class MeasuringPage:
             remove="text-negative" if reached else "text-positive",
         )
 
+    async def _edited(self, row: dict[str, Any]) -> None:
+        """Write what was changed in a row of the table; a size that was emptied is taken away."""
+        sizes = {key: row[key] for key in SIZES if row.get(key) not in (None, "")}
+        kept = {key: row[key] for key in ("name", "kind", "normal", "tool") if key in row}
+        await self._send("replaced", [{**kept, "at": [row["x"], row["y"], row["z"]], **sizes}])
+
     async def _change(self) -> None:
-        """Give all chosen measurements the kind and those sizes that are filled in."""
+        """Give all chosen measurements the kind, the tool, and those sizes that are filled in."""
         given = {key: field.value for key, field in self._sizes.items() if field.value is not None}
         chosen = {each["name"] for each in self._table.selected}
         points = [written_point(each) for each in self.part.points if each.name in chosen]
-        await self._send("replaced", [{**each, "kind": str(self._kind.value), **given} for each in points])
+        given |= {"kind": str(self._kind.value), "tool": self._point()["tool"]}
+        await self._send("replaced", [{**each, **given} for each in points])
 
     async def _remove(self) -> None:
         await self._send("removed", [each["name"] for each in self._table.selected])
@@ -171,7 +196,7 @@ class MeasuringPage:
     async def _send(self, how: str, points: list[Any]) -> None:
         """Ask for a change as the page does, with its token and a key; then show what the file has."""
         asked = json.dumps({"file": self.name, "how": how, "points": points})
-        await ui.run_javascript(f"return send('/measurements', {asked})", timeout=20.0)
+        await ui.run_javascript(f"return send('/measurements', {asked})", timeout=90.0)
         self.part = Part(self.path)
         self._name.set_value(self.part.free_name())
         self._refill()
@@ -192,9 +217,7 @@ class ChoosingPage:
 
     def __init__(self, shared: Shared) -> None:
         head(shared)
-        with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
-            ui.link("runs", "/").classes("text-white")
-            ui.label("Measurements").classes("text-h6")
+        heading("Measurements", "measurements")
         files = shared.sheets.files(".yaml")
         ui.label(
             f"Problem files in {shared.sheets.folder}"

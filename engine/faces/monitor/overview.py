@@ -1,5 +1,6 @@
 """The pages of a monitor, and the first one: all runs of a store."""
 
+import asyncio
 import json
 import shlex
 from collections.abc import Callable
@@ -7,9 +8,10 @@ from urllib.parse import quote
 
 from nicegui import ui
 
+from engine.faces.monitor.frame import head, heading
 from engine.faces.monitor.jobs import LONG
 from engine.faces.monitor.measuring import ChoosingPage, MeasuringPage
-from engine.faces.monitor.page import RunPage, head
+from engine.faces.monitor.page import STANDS, RunPage
 from engine.faces.monitor.shared import Shared
 from engine.faces.monitor.steering import starting
 from kb.diagnostics import InvalidInput
@@ -40,34 +42,52 @@ def build(shared: Shared) -> None:
     ui.page("/run/{name:path}")(one)
 
 
+LINK = '<q-td :props="props"><a :href="props.row.link">{{ props.row.run }}</a></q-td>'
+COLUMNS = ("run", "target", "begun", "stands")
+LISTED = 300  # runs, the newest
+LOOK_S = 2.0
+
+
 def _overview(shared: Shared) -> None:
     """All runs of the store, the newest first, with those that go on."""
     head(shared)
-    ui.label("Runs").classes("text-h5")
-    ui.link("measurements", "/measure")
-    ui.link("preparation and long work", "/work")
+    heading("Runs", "runs")
     if not shared.read_only:
         starting()
-    going = shared.going_on()
-    runs = shared.runs()
-    if not runs:
-        ui.label(
-            f"The store {shared.store} has no run yet. Begin one: cellwright run TARGET --store {shared.store}"
-        )
+    columns = [{"name": each, "label": each, "field": each, "align": "left"} for each in COLUMNS]
+    table = ui.table(columns=columns, rows=[], row_key="run").classes("w-full").props("dense flat")
+    table.props('hide-no-data data-testid="runs"').add_slot("body-cell-run", LINK)
+    said = f"The store {shared.store} has no run yet. Begin one: cellwright run TARGET --store {shared.store}"
+    none = ui.label(said)
+
+    async def show() -> None:
+        rows = await asyncio.to_thread(_listed, shared)
+        none.set_visibility(not rows)
+        if rows != table.rows:
+            table.rows = rows
+
+    ui.timer(LOOK_S, show)
+
+
+def _listed(shared: Shared) -> list[dict[str, str]]:
+    going, runs, rows = shared.going_on(), shared.runs()[:LISTED], []
+    ends = shared.outcomes([each.run for each in runs if each.run not in going])
     for each in runs:
-        with ui.row().classes("items-center"):
-            ui.link(each.run, f"/run/{quote(each.run, safe='')}")
-            ui.label(f"{each.document.get('target', '')}, begun {each.begun}")
-            if each.run in going:
-                ui.badge("goes on", color="green")
+        end = ends.get(each.run, "")
+        sign = STANDS[end][0] if end in STANDS else "■"
+        stands = (
+            "▶ goes on" if each.run in going else f"{sign} {end or 'ended without a word; it can be resumed'}"
+        )
+        begun = each.begun[:16].replace("T", " ")
+        address = f"/run/{quote(each.run, safe='')}"
+        rows.append({"run": each.run, "target": str(each.document.get("target", "")), "begun": f"{begun} UTC", "stands": stands, "link": address})  # fmt: skip
+    return rows
 
 
 def _work(shared: Shared) -> None:
     """Commands that take long, with what they tell of their progress."""
     head(shared)
-    with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
-        ui.link("runs", "/").classes("text-white")
-        ui.label("Preparation and long work").classes("text-h6")
+    heading("Preparation and long work", "long work")
     if not shared.read_only:
         with ui.row().classes("items-center"):
             words = ui.input("command", value="prepare bulkhead --store prepared.db").classes("w-96")
@@ -75,7 +95,7 @@ def _work(shared: Shared) -> None:
 
             async def begin() -> None:
                 asked = json.dumps({"order": "work", "text": str(words.value or "")})
-                await ui.run_javascript(f"return send('/orders', {asked})", timeout=20.0)
+                await ui.run_javascript(f"return send('/orders', {asked})", timeout=90.0)
 
             ui.button("Begin", on_click=begin).props('dense no-caps data-testid="begin"')
         ui.label(f"What can be begun: {', '.join(LONG)}; it works in {shared.sheets.folder}")

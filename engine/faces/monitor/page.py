@@ -1,13 +1,12 @@
 """The page of one run: how it stands, its views, orders, and the way through its records. It looks ten times a second for what is new."""
 
-import json
 import time
 from collections.abc import Callable
 
 from nicegui import ui
 
-from engine.faces.monitor.cell3d import PLACING
 from engine.faces.monitor.chosen import Chosen
+from engine.faces.monitor.frame import BAR, dark_switch, head
 from engine.faces.monitor.playing import SPEEDS, Player
 from engine.faces.monitor.shared import Shared
 from engine.faces.monitor.steering import MOVING, Steering
@@ -29,49 +28,8 @@ STANDS = {  # phase or end of a run: its sign, its colour, and what it means
     "stopped": ("■", "red-9", "a safe stop: nothing moves"),
     "aborted": ("✗", "red-9", "ended for good"),
 }
-SCRIPT = """
-async function send(path, content) {
-  const answer = await fetch(path, {
-    method: "POST",
-    headers: {
-      "content-type": "application/json",
-      "x-cellwright-token": TOKEN,
-      "idempotency-key": crypto.randomUUID ? crypto.randomUUID() : String(Math.random()) + Date.now(),
-    },
-    body: JSON.stringify(content),
-  });
-  const told = await answer.json();
-  emitEvent("told", { ...told, refused: !answer.ok });
-  return told;
-}
-function order(run, name, text) {
-  return send("/orders", { run: run, order: name, text: text || "" });
-}
-function choose(event) {
-  const step = event.target.closest && event.target.closest(".step");
-  if (step) emitEvent("chosen", step.dataset.step || step.textContent);
-}
-document.addEventListener("click", choose);
-document.addEventListener("keydown", (event) => {
-  if (event.key === "Enter") choose(event);
-});
-"""
-BAR = "padding: 2px 10px"  # of the head and the foot of a page
 KEYS = """k plays or stands · , . one record · Home End · x next exception · l live · 1 to 9, 0 and - views ·
 f choose by name · Esc choose nothing · p pause · c go on · s stop · r retry · y approve · m more orders"""
-
-
-def head(shared: Shared) -> None:
-    """What every page needs in its head."""
-    ui.add_head_html(f"<script>const TOKEN = {json.dumps(shared.token)};{SCRIPT}{PLACING}</script>")
-    ui.colors(primary="#1f5a94")
-    ui.on("told", lambda event: notice(event.args))
-
-
-def notice(told: dict[str, object]) -> None:
-    """Show what came of an order."""
-    kind = "warning" if told.get("refused") else "positive"
-    ui.notify(str(told.get("said", "")), type=kind, multi_line=True)
 
 
 class RunPage:
@@ -87,7 +45,6 @@ class RunPage:
         self._head()
         if self._steering is not None:
             self._steering.banner()
-        self._chosen = Chosen(self.look)
         self._views = self._body()
         self._foot()
         ui.on("go", lambda event: self._go(int(event.args)))
@@ -106,13 +63,7 @@ class RunPage:
             self._clock = ui.label("").props('data-testid="clock"')
             ui.space()
             self._steering = None if self.shared.read_only else Steering(self.shared, self.name)
-            ui.button(icon="contrast", on_click=lambda: self._dark()).props(
-                'dense flat color="white" aria-label="light or dark" data-testid="dark"'
-            )
-        self._dark_mode = ui.dark_mode(None)
-
-    def _dark(self) -> None:
-        self._dark_mode.value = not self._dark_mode.value
+            dark_switch()
 
     def _body(self) -> dict[str, View]:
         with ui.row().classes("w-full items-center no-wrap gap-2 q-px-sm"):
@@ -124,10 +75,16 @@ class RunPage:
             self._field.props('dense clearable data-testid="choose"')
             self._field.on("keydown.enter", lambda: self._choose(str(self._field.value or "")))
         views = {}
-        with ui.tab_panels(self._tabs, value=VIEWS[0].name).props("keep-alive").classes("w-full"):
-            for each in VIEWS:
-                with ui.tab_panel(each.name).classes("q-pa-sm"):
-                    views[each.name] = each(self.look)
+        with ui.element("div").classes("split"):
+            with (
+                ui.tab_panels(self._tabs, value=VIEWS[0].name, animated=False)
+                .props("keep-alive")
+                .classes("views")
+            ):
+                for each in VIEWS:
+                    with ui.tab_panel(each.name).classes("q-pa-xs").props(f'data-testid="shows-{each.name}"'):
+                        views[each.name] = each(self.look)
+            self._chosen = Chosen(self.look)
         self._tabs.on_value_change(lambda: self.tick(anew=True))
         return views
 

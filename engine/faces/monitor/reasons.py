@@ -53,7 +53,7 @@ def decision_tree(target: str, exception: str, step: str) -> str:
 
 
 def contact_states(target: str, facts: Collection[str]) -> tuple[str, list[tuple[str, ...]]]:
-    """The net of the cell's contact states as SVG, marked as facts tell, and for each object: its place, what that is, who else is there.
+    """The net of the cell's contact states as SVG, marked as facts tell, and for each object: its place, and who else is there.
 
     A sentence and nothing if the cell has no contact model.
     """
@@ -64,9 +64,9 @@ def contact_states(target: str, facts: Collection[str]) -> tuple[str, list[tuple
         player = player_of(target)
     except InvalidInput as refused:
         return refused.diagnostics[0].message, []
-    marked, said = marking(player, facts), {each.name: each.say for each in player.net.places}
+    marked = marking(player, facts)
     rows = [
-        (name, place, said.get(place, "no place is known for this"), ", ".join(each for each in inside if each != name))
+        (name, place, ", ".join(each for each in inside if each != name))
         for place, clusters in marked.items()
         for inside in clusters
         for name in inside

@@ -19,6 +19,8 @@ from kb.diagnostics import InvalidInput
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 Change = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
+RECONNECT_S = 60.0  # for which a page whose network is cut may come back as it was; then it loads anew
+HISTORY = 100  # messages that are kept for such a page; one that has missed more loads anew
 SILENCE_S = 15.0  # after which a stream says that it is still there
 
 
@@ -48,7 +50,15 @@ def application(shared: Shared, host: str, port: int) -> Door:
     made.add_api_route("/measurements", measurements, methods=["POST"])
     made.add_api_route("/events/{run:path}", events)
     build(shared)
-    ui.run_with(made, title="Cellwright", favicon="🔧", dark=None, show_welcome_message=False)
+    ui.run_with(
+        made,
+        title="Cellwright",
+        favicon="🔧",
+        dark=None,
+        show_welcome_message=False,
+        reconnect_timeout=RECONNECT_S,
+        message_history_length=HISTORY,
+    )
     pages.config.socket_io_js_transports = [
         "websocket"
     ]  # a connection that asks by POST would need the token

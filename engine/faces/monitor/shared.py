@@ -4,7 +4,7 @@ import secrets
 import shlex
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,11 +18,12 @@ from engine.faces.monitor.jobs import LONG, Job, begun, started
 from engine.faces.monitor.motions import Motions, Target, workers
 from engine.faces.monitor.sheets import Sheets
 from engine.faces.monitor.solids import Solids, solids_of
+from engine.model.execution import RecordKind
 from engine.pipelines.execution.channel import going_on, tell
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.planning import problem_of
 from kb.diagnostics import InvalidInput
-from kb.store.journal import Begun
+from kb.store.journal import Begun, Journal
 
 GOING_S = 0.5  # between two questions which runs go on
 PAUSE_S = 0.05  # between two looks at a journal
@@ -49,6 +50,12 @@ class Shared:
     def runs(self) -> tuple[Begun, ...]:
         """The runs of the store, the newest first."""
         return runs_of(self.store)
+
+    def outcomes(self, runs: Collection[str]) -> dict[str, str]:
+        """How runs have ended, as their last records of an end say; empty for those that have none."""
+        with Journal(self.store) as journal:
+            ends = {run: journal.line(run, journal.last(run, RecordKind.END.value)) for run in runs}
+        return {run: str(end.content.get("outcome", "")) if end else "" for run, end in ends.items()}
 
     def going_on(self) -> frozenset[str]:
         """The names of the runs of this store that go on in some process of this user."""

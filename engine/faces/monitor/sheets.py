@@ -137,8 +137,9 @@ def read_point(given: Mapping[str, Any]) -> MeasurementPoint:
         x, y, z = (float(each) * MM for each in given["at"])
         nx, ny, nz = (float(each) for each in given["normal"])
         length = math.hypot(nx, ny, nz)
+        tool = str(given.get("tool") or "")
         sizes = [_length(given.get(key)) for key in ("tolerance", "bore", "nominal")]
-        if not NAME.fullmatch(name) or not NAME.fullmatch(kind) or not length:
+        if not all(map(NAME.fullmatch, (name, kind, tool or name))) or not length:
             raise ValueError
         if not all(map(math.isfinite, (x, y, z, length))):
             raise ValueError
@@ -146,7 +147,9 @@ def read_point(given: Mapping[str, Any]) -> MeasurementPoint:
         said = "a point has a name, a kind, three coordinates, and a normal that is not 0"
         raise _refused(str(given.get("name", "")), said) from wrong
     unit = (nx / length, ny / length, nz / length)
-    return MeasurementPoint(name, name, kind, (x, y, z), unit, sizes[0], sizes[1], nominal_m=sizes[2])
+    return MeasurementPoint(
+        name, name, kind, (x, y, z), unit, sizes[0], sizes[1], nominal_m=sizes[2], tool=tool
+    )
 
 
 def _length(given: object) -> float | None:
@@ -166,6 +169,7 @@ def written_point(point: MeasurementPoint) -> dict[str, Any]:
         "kind": point.kind,
         "at": [round(each / MM, 6) for each in point.position],
         "normal": [round(each, 6) for each in point.normal],
+        **({"tool": point.tool} if point.tool else {}),
         **{key: round(value / MM, 6) for key, value in sizes.items() if value is not None},
     }
 
@@ -195,6 +199,17 @@ class Part:
         needed = self.problem.domain.predicates[words.needs].arguments[1]
         listed = self.problem.domain.types.get(needed)
         return list(listed.constants if listed is not None else ()) or [words.kind("profile")]
+
+    @property
+    def tools(self) -> list[str]:
+        """The tools that a measurement may prefer; none if the domain knows of no preferences."""
+        domain = self.problem.domain
+        declared = domain.predicates.get(domain.conventions.prefers)
+        objects = {**domain.objects, **self.problem.objects}
+        if declared is None:
+            return []
+        wanted = declared.arguments[1]
+        return sorted(name for name, kind in objects.items() if domain.is_subtype(kind, wanted))
 
     @property
     def bodies(self) -> frozenset[str]:
@@ -229,7 +244,7 @@ class Part:
 
 def verdict(path: str, given: Mapping[str, Any]) -> tuple[bool, str]:
     """Whether a point can be measured, and with which tool from where, or why not. Raises `InvalidInput`."""
-    problem, point = _loaded(path), read_point(given)
+    problem, point = _loaded(path, Path(path).stat().st_mtime_ns), read_point(given)
     words = problem.domain.conventions
     others = {*measurements_of(problem)}
     facts = [f for f in problem.statics if not (f.arguments and str(f.arguments[0]) in others)]
@@ -246,11 +261,12 @@ def verdict(path: str, given: Mapping[str, Any]) -> tuple[bool, str]:
     if (reason := found.unreached().get(point.name)) is not None:
         return False, f"by {tool}: {reason}"
     stations = found.stations().get(point.name, ())
-    return True, f"by {tool}" + (f" from {', '.join(stations)}" if stations else "")
+    instead = f", not by {point.tool}, which cannot" if point.tool not in ("", tool) else ""
+    return True, f"by {tool}" + (f" from {', '.join(stations)}" if stations else "") + instead
 
 
 @lru_cache(4)
-def _loaded(path: str) -> Problem:
+def _loaded(path: str, _changed_ns: int) -> Problem:
     problem = load(Path(path)).problem
     assert problem is not None
     return problem

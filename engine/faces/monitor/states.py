@@ -20,10 +20,11 @@ class States(View):
     def make(self) -> None:
         """Make what is shown, still empty."""
         self._told = ui.label("").props('data-testid="marking" role="status"')
-        with ui.row().classes("w-full items-start"):
-            self._table = made(self.look.choose, "object", "place", "which is", "together with")
+        with ui.row().classes("w-full items-start no-wrap"):
+            self._table = made(self.look.choose, "object", "place", "together with")
             self._table.props('data-testid="inside"')
-            self._picture = ui.html("", sanitize=False).props('data-testid="net"').style("overflow-x: auto")
+            self._picture = ui.html("", sanitize=False).props('data-testid="net"').classes("col")
+            self._picture.style("overflow: auto; max-height: calc(100vh - 170px); min-width: 0")
         self._found: tuple[str, list[tuple[str, ...]]] = ("", [])
         self._asked = frozenset[str]()
         self._drawn: object = None

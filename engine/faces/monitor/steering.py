@@ -58,6 +58,7 @@ class Steering:
         self._resume.props('dense no-caps data-testid="resume"').tooltip("goes on after a stop or a crash")
 
     def _keep(self, order: str, button: ui.button | ui.menu_item, phases: tuple[str, ...]) -> None:
+        button.set_enabled(False)  # until it is known how the run stands
         self._buttons[order], self._phases[order] = button, phases
 
     def banner(self) -> None:

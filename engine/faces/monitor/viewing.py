@@ -11,8 +11,9 @@ from engine.pipelines.execution.retracing import Taken
 
 
 def picture(text: str) -> str:
-    """A picture as it is; a sentence in its place as text, because names in it may look like HTML."""
-    return text if text.startswith(("<svg", "<?xml")) else escape(text)
+    """A picture, dark where the page is; a sentence in its place as text, because names in it may look like HTML."""
+    drawn = text.startswith(("<svg", "<?xml"))
+    return text.replace("@media (prefers-color-scheme: dark)", ".body--dark") if drawn else escape(text)
 
 
 @dataclass

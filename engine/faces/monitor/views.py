@@ -14,11 +14,12 @@ from engine.faces.monitor.findings import Diagnosis, Results, Sequence
 from engine.faces.monitor.following import Watched
 from engine.faces.monitor.states import States
 from engine.faces.monitor.tables import SHOWN, fill, made
-from engine.faces.monitor.viewing import View
+from engine.faces.monitor.viewing import View, picture
 from engine.formats.report import svg
 from engine.formats.report.execution import duration
 from engine.pipelines.execution.records import compiled_of
 
+SIGNS = {"open": "○", "reached": "✓"}  # how a goal stands; whatever else is a reason why it was given up
 LARGEST = 150  # steps of a plan that is drawn
 PAUSE_S = 0.5  # between two pictures of very many steps
 
@@ -30,12 +31,13 @@ class Now(View):
 
     def make(self) -> None:
         """Make what is shown, still empty."""
-        self._chart = ui.html("", sanitize=False).classes("w-full")
+        self._chart = ui.html("", sanitize=False).classes("w-full").style("min-width: 640px")
         with ui.row().classes("w-full items-start"):
-            self._current = made(self.look.choose, "device", "current step", "since")
+            with ui.column().classes("gap-2"):
+                self._current = made(self.look.choose, "device", "current step", "since")
+                self._log = ui.column().classes("gap-0")
             self._goals = made(self.look.choose, "goal", "stands")
         self._drawn_s, self._rimmed = 0.0, frozenset[str]()
-        self._log = ui.column().classes("w-full gap-0")
 
     def show(self) -> None:
         """Show the run as it stands."""
@@ -44,7 +46,8 @@ class Now(View):
         self._draw(run, steps_of(run, chosen))
         current = [(stream, action, duration(since)) for stream, action, since, _ in run.under_way.values()]
         fill(self._current, current, related(run, chosen))
-        fill(self._goals, sorted(run.goals.items()), related(run, chosen))
+        goals = [(goal, f"{SIGNS.get(stands, '✗')} {stands}") for goal, stands in sorted(run.goals.items())]
+        fill(self._goals, goals, related(run, chosen))
         self._log.clear()
         with self._log:
             for _, line in run.story[-8:]:
@@ -87,15 +90,19 @@ class Partial(View):
             self._picture.set_content(said)
             return
         plan = svg.plan(compiled_of(run.plan).plan, standing=standing)
-        self._picture.set_content(_rimmed(plan, chosen))
+        self._picture.set_content(picture(_rimmed(plan, chosen)))
+
+
+STANDING = """<style>.body--dark .done .box { fill: #1d4a2c; } .body--dark .running .box { fill: #5a4400; }
+.body--dark .failed .box { fill: #5e1d14; }</style></svg>"""
 
 
 def _rimmed(plan: str, chosen: frozenset[str]) -> str:
-    """The picture of a plan with a rim around the steps that are chosen."""
+    """The picture of a plan with a rim around the steps that are chosen, and colours for dark pages."""
     for step in sorted(chosen):
         name = f"data-step={quoteattr(step)}"
         plan = plan.replace(name, f'{name} style="filter: drop-shadow(0 0 3px #d02090)" data-chosen="yes"')
-    return plan.replace('class="step"', 'class="step" tabindex="0" role="button"')
+    return plan.replace("</svg>", STANDING)
 
 
 class World(View):

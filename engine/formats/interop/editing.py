@@ -41,7 +41,15 @@ def removed(lines: Sequence[str], name: str, path: str, words: Conventions) -> l
 
 def replaced(lines: Sequence[str], point: MeasurementPoint, path: str, words: Conventions) -> list[str]:
     """The lines with new facts about an existing measurement; its goal and all its other facts are kept."""
-    told = {words.needs, words.position, words.normal, words.nominal, words.tolerance, words.bore}
+    told = {
+        words.needs,
+        words.position,
+        words.normal,
+        words.nominal,
+        words.tolerance,
+        words.bore,
+        words.prefers,
+    }
     own = re.compile(rf"\s*(?:{'|'.join(sorted(told))})\(\s*{re.escape(point.name)}\s*,")
     found = list(lines)
     if (block := listed(lines, ("statics",), path)) is not None:

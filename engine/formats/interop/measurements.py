@@ -29,6 +29,8 @@ def atoms(point: MeasurementPoint, words: Conventions) -> list[Function]:
         found.append(Function(words.alignment, (name, Number(point.step))))
     if point.bore_m is not None:
         found.append(Function(words.bore, (name, Number(round(point.bore_m * 1e6)))))
+    if point.tool:
+        found.append(Function(words.prefers, (name, Function(point.tool))))
     return found
 
 
@@ -111,6 +113,10 @@ def points(problem: Problem) -> list[MeasurementPoint]:
         normal = triple(words.normal, name, 1e-3) or (0.0, 0.0, 1.0)
         sizes = (metres(each, name) for each in (words.tolerance, words.bore, words.nominal))
         tolerance, bore, nominal = sizes
-        kind = kinds.get(needed, needed)
-        made.append(MeasurementPoint(name, name, kind, position, normal, tolerance, bore, nominal_m=nominal))
+        kind, (tool, *_) = kinds.get(needed, needed), told.get((words.prefers, name), ("",))
+        made.append(
+            MeasurementPoint(
+                name, name, kind, position, normal, tolerance, bore, nominal_m=nominal, tool=str(tool)
+            )
+        )
     return made

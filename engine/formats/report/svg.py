@@ -232,7 +232,8 @@ def _boxes(picture: _Picture, fill_of: Mapping[str, str], standing: Mapping[int,
     for step, text in picture.column.texts.items():
         (left, right), y = picture.boxes.span(step), picture.routing.tops[picture.boxes.layer[step]]
         chosen = (
-            f' class="step" data-step={quoteattr(str(steps[step].operator))}'
+            f' class="step {standing.get(int(step), "planned")}" tabindex="0" role="button"'
+            f" data-step={quoteattr(str(steps[step].operator))}"
             if standing and step in steps
             else ""
         )

@@ -106,17 +106,27 @@ def at(page: Any, name: str, **more: Any) -> Any:
     return page.locator(f'[data-testid="{name}"]', **more)
 
 
-def started(page: Any, **fields: str) -> list[str]:
-    """Start a run with the form, and approve its plan from its preview; what the preview tells."""
+def begun(page: Any, **fields: str) -> None:
+    """Start a run with the form, and wait for its page."""
     for name, value in fields.items():
         at(page, f"start-{name}").fill(value)
     at(page, "start").click()
     at(page, "title", has_text=fields["name"]).wait_for()
+
+
+def approved(page: Any) -> list[str]:
+    """Approve the plan of a run from its preview; what the preview tells."""
     page.locator('[data-testid="approve"]:enabled').click()
     at(page, "preview").get_by_text(re.compile(r"\(")).first.wait_for()
-    told = page.locator(".q-dialog .q-card").inner_text().split("\n")
+    told: list[str] = page.locator(".q-dialog .q-card").inner_text().split("\n")
     at(page, "sure-approve").click()
     return told
+
+
+def started(page: Any, **fields: str) -> list[str]:
+    """Start a run, and approve its plan; what the preview tells."""
+    begun(page, **fields)
+    return approved(page)
 
 
 def run_there(store: Path, *words: str) -> None:

@@ -39,7 +39,7 @@ def test_every_view_shows_the_run_and_nothing_comes_from_elsewhere(open_page: Op
     page = open_page(f"{site}/run/monday")
     page.wait_for_selector("svg .step")
     wanted = {
-        "plan": "pick(", "world": "stored", "sequence": "measures nothing", "diagnosis": "grip_again",
+        "plan": "pick(", "world": "stored", "states": "mars_gripper", "sequence": "measures nothing", "diagnosis": "grip_again",
         "results": "of", "objects": "pick(", "log": "EXCEPTION", "compare": "the other run", "cell": "touch",
     }  # fmt: skip
     for name, text in wanted.items():
@@ -64,6 +64,56 @@ def test_the_page_goes_to_the_exception_and_tells_of_a_chosen_step_why_it_is_the
     page.locator(".q-tab-panel:visible td", has_text="▸").first.wait_for()
     page.keyboard.press("l")
     at(page, "phase", has_text="reached").wait_for()
+
+
+def test_what_is_chosen_in_one_view_is_marked_in_every_other_one(open_page: Open, site: str) -> None:
+    page = open_page(f"{site}/run/monday")
+    at(page, "phase", has_text="reached").wait_for()
+    page.keyboard.press("f")
+    at(page, "choose").fill("probe_1")
+    page.keyboard.press("Enter")
+    at(page, "panel", has_text="goal: stored(probe_1)").wait_for()
+    page.locator(".bar.chosen").first.wait_for()
+    marked = 'td:has-text("▸")'
+    marks = {"plan": '[data-chosen="yes"]', "states": '[data-chosen="yes"]'}
+    for name in ("plan", "world", "states", "diagnosis", "objects", "log"):
+        at(page, f"tab-{name}").click()
+        page.locator(f".q-tab-panel:visible {marks.get(name, marked)}").first.wait_for()
+    at(page, "unchoose").click()
+    at(page, "panel").wait_for(state="hidden")
+    at(page, "tab-plan").click()
+    step = page.locator('.q-tab-panel:visible .step[data-step^="put"]').first
+    step.focus()
+    page.keyboard.press("Enter")  # without a mouse
+    at(page, "because").first.wait_for()
+    page.keyboard.press("Escape")
+    at(page, "panel").wait_for(state="hidden")
+
+
+def test_the_net_of_contact_states_is_marked_as_the_run_stands(
+    open_page: Open, site: str, store: Path
+) -> None:
+    follower = Follower(str(store), "tuesday")
+    follower.refresh()
+    picked = next(each for each in follower.done(0, len(follower.records)) if "pick(" in each["action"])
+    page = open_page(f"{site}/run/tuesday")
+    page.keyboard.press("5")
+    held = at(page, "inside").locator("tbody tr", has=page.locator("td:first-child", has_text="mars_gripper"))
+    held.get_by_text("P1", exact=True).wait_for()  # free
+    page.evaluate(f"emitEvent('go', {picked['number']})")
+    taken = picked["action"].partition("(")[2].partition(",")[0]
+    held.get_by_text(taken).wait_for()
+    place = held.locator("td").nth(1).inner_text()
+    assert at(page, "net").locator(f'[data-place="{place}"] text').text_content().startswith("●")
+
+
+def test_results_are_saved_as_qif_from_the_page(open_page: Open, site: str) -> None:
+    page = open_page(f"{site}/run/monday")
+    at(page, "tab-results").click()
+    with page.expect_download() as saved:
+        at(page, "save-qif").click()
+    assert saved.value.suggested_filename == "monday.qif"
+    assert "QIFDocument" in Path(saved.value.path()).read_text()
 
 
 def test_it_plays_forwards_to_the_end_and_stands(open_page: Open, site: str) -> None:
@@ -159,6 +209,7 @@ def test_names_are_never_executed(open_page: Open, serve: Serve, tmp_path: Path)
         "plan",
         "cell",
         "world",
+        "states",
         "sequence",
         "diagnosis",
         "results",
@@ -169,7 +220,7 @@ def test_names_are_never_executed(open_page: Open, serve: Serve, tmp_path: Path)
     ):
         at(page, f"tab-{name}").click()
         page.wait_for_timeout(300)
-        for button in {"world": ["contacts"], "diagnosis": ["tree"]}.get(name, []):
+        for button in {"diagnosis": ["tree"]}.get(name, []):
             at(page, button).click()
             page.wait_for_timeout(3000)
     assert page.evaluate("window.hit") is None

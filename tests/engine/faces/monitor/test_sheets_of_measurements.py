@@ -44,6 +44,23 @@ def test_a_point_lands_in_the_file_and_can_be_changed_removed_and_undone(sheets:
         sheets.change({"how": "undo", "file": "job.yaml"})
 
 
+def test_the_tool_that_a_measurement_prefers_takes_it_if_it_can(sheets: Sheets) -> None:
+    path = sheets.path("job.yaml")
+    path.write_text(
+        "problem: job\ndomain: bulkhead\nobjects:\n  us_tool: [us_probe_2]\nstatics:\n"
+        "  - weight(us_probe_2, 4)\n  - accuracy(us_probe_2, 25)\n  - preference(us_probe_2, 9)\ngoals: []\n"
+    )
+    assert Part(path).tools == ["slra", "us_probe", "us_probe_2"]
+    assert verdict(str(path), POINT)[1].startswith("by us_probe from")
+    assert verdict(str(path), {**POINT, "tool": "us_probe_2"})[1].startswith("by us_probe_2")
+    assert verdict(str(path), {**POINT, "tool": "slra"})[1].endswith("not by slra, which cannot")
+    sheets.change({"how": "added", "file": "job.yaml", "points": [{**POINT, "tool": "us_probe_2"}]})
+    assert "prefers(p1, us_probe_2)" in path.read_text()
+    assert [each.tool for each in Part(path).points] == ["us_probe_2"]
+    sheets.change({"how": "replaced", "file": "job.yaml", "points": [POINT]})
+    assert "prefers" not in path.read_text()
+
+
 def test_a_group_that_has_a_bad_point_changes_nothing(sheets: Sheets) -> None:
     text = sheets.path("job.yaml").read_text()
     for bad in ({**POINT, "name": "Bad name"}, {**POINT, "name": "x) :- true. y(", "kind": "thickness"}, {**POINT, "normal": [0, 0, 0]}, {**POINT, "at": [1, "nan", 2]}):  # fmt: skip

@@ -11,7 +11,8 @@ import pytest
 from engine.faces.monitor.following import Follower, record_of
 from engine.model.execution import RecordKind
 from kb.store.journal import Journal, Line
-from tests.engine.faces.monitor.conftest import Serve, at, started
+from tests.engine.faces.monitor.conftest import Serve, approved, at, begun, started
+from tests.engine.formats.interop.parts import Document, plane, segment
 
 Open = Callable[[str], Any]
 
@@ -67,6 +68,29 @@ def test_every_button_has_its_effect_in_the_journal(open_page: Open, site: str, 
 
 
 @pytest.mark.slow
+def test_a_run_that_was_stopped_is_resumed_from_its_page(open_page: Open, site: str) -> None:
+    page = open_page(site)
+    started(page, target="themse/one", name="again", factor="0.01")
+    at(page, "phase", has_text="running").wait_for()
+    page.locator('[data-testid="stop"]:enabled').click()
+    at(page, "phase", has_text="stopped").wait_for()
+    at(page, "resume").click()
+    at(page, "phase", has_text="reached").wait_for()
+
+
+@pytest.mark.slow
+def test_two_pages_at_once_show_the_same_and_either_may_steer(open_page: Open, site: str) -> None:
+    one = open_page(site)
+    begun(one, target="themse/in_furnace", name="shared", factor="0")
+    other = open_page(f"{site}/run/shared")
+    approved(other)
+    for page in (one, other):
+        at(page, "phase", has_text="reached").wait_for()
+    clocks = [at(page, "clock").inner_text() for page in (one, other)]
+    assert clocks[0] == clocks[1]
+
+
+@pytest.mark.slow
 def test_after_the_network_was_cut_no_event_is_lost_or_shown_twice(
     open_page: Open, site: str, folder: Path
 ) -> None:
@@ -111,3 +135,68 @@ def test_a_point_that_is_picked_lands_in_the_problem_file(open_page: Open, site:
     at(page, "undo").click()
     page.locator(".q-notification", has_text="undone").wait_for()
     assert "p1" not in (folder / "job.yaml").read_text()
+
+
+@pytest.mark.slow
+def test_measurements_are_edited_in_a_table_and_every_change_can_be_undone(
+    open_page: Open, site: str, folder: Path
+) -> None:
+    path = folder / "sheet.yaml"
+    path.write_text("problem: sheet\ndomain: bulkhead\ngoals: []\n")
+    page = open_page(f"{site}/measure/sheet.yaml")
+    for name, x in (("a1", "100"), ("a2", "150")):
+        at(page, "name").fill(name)
+        at(page, "x").fill(x)
+        at(page, "nz").fill("-1")
+        page.keyboard.press("Tab")
+        at(page, "verdict", has_text="✓ can be measured by us_probe").wait_for()
+        at(page, "add").click()
+        at(page, "points").get_by_text(name, exact=True).wait_for()
+    texts = [path.read_text()]
+    page.get_by_label("tolerance of a1").fill("0.5")
+    page.keyboard.press("Enter")
+    texts.append(_changed(path, texts))
+    assert "tolerance(a1, 500)" in texts[-1]
+    for box in page.locator("tbody .q-checkbox").all():
+        box.click()
+    at(page, "tool").click()
+    page.locator(".q-menu .q-item", has_text="slra").click()
+    at(page, "verdict", has_text="not by slra, which cannot").wait_for()
+    at(page, "change").click()
+    page.locator(".q-notification", has_text="replaced: a1, a2").wait_for()
+    texts.append(path.read_text())
+    assert texts[-1].count("slra)") == 2
+    for text in reversed(texts[:-1]):
+        at(page, "undo").click()
+        assert _changed(path, texts) == text
+        texts.pop()
+
+
+def _changed(path: Path, texts: list[str]) -> str:
+    """The text of a file, once it is another one than the last of those that are known."""
+    until = time.monotonic() + 60
+    while path.read_text() == texts[-1] and time.monotonic() < until:
+        time.sleep(0.1)
+    return path.read_text()
+
+
+@pytest.mark.slow
+def test_it_is_told_why_a_point_cannot_be_reached_and_files_are_imported(
+    open_page: Open, site: str, folder: Path
+) -> None:
+    document, corners = Document(), [(0, 0, 0), (50, 0, 0), (50, 50, 0), (0, 50, 0)]
+    sides = zip(corners, [*corners[1:], corners[0]], strict=True)
+    edges = [document.coedge(segment(a, b), (a, b))[0] for a, b in sides]
+    document.feature("Plane", [document.face(plane(), [document.loop(edges)])])
+    made = document.written(folder).with_suffix(".yaml")
+    (folder / "points.csv").write_text("name,kind,x,y,z,nx,ny,nz\nb1,thickness,100,200,0,0,0,-1\n")
+    page = open_page(f"{site}/measure")
+    page.get_by_role("button", name=re.compile("Import .*qif")).click()
+    page.get_by_role("link", name=made.name).wait_for()
+    page.get_by_role("button", name="Import points.csv").click()
+    page.get_by_role("link", name="points.yaml").click()
+    at(page, "points").get_by_text("b1", exact=True).wait_for()
+    for field, value in (("x", "100"), ("y", "200"), ("nz", "1")):
+        at(page, field).fill(value)
+    page.keyboard.press("Tab")
+    at(page, "verdict", has_text=re.compile("✗ cannot be measured: .*not in this orientation")).wait_for()
