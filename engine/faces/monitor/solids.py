@@ -78,7 +78,7 @@ class Solids:
         place = self.cell.places.get(name) or Place("", Placement(), next(iter(self.cell.arms), ""))
         if not self.cell.arms:
             return ()
-        found = self._reach(world).checker(place).contacts(world.configuration)
+        found = self._reach(world).contacts(place, world.configuration)
         return tuple(dict.fromkeys((each.first, each.second) for each in found))
 
     def _reach(self, world: World) -> Reachability:

@@ -3,7 +3,7 @@
 What touches by intention may touch on the straight lines alone, and is proved there pair by pair.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -88,7 +88,6 @@ def _what_blocks(ground: Ground, line: Floats, name: str) -> str:
 def leg_of(kind: str, line: Floats, place: Place, reach: Reachability) -> Leg:
     """The leg of a line out of a place (m, k), or into it, with what touches on it by intention."""
     path = line if kind == RETRACT else line[::-1].copy()
-    bare = Ground(reach.checker(replace(place, touches=())))
-    pairs = touches(bare.only(reach.intended(place)), path, place.depth_m)
+    pairs = touches(reach.meeting(place), path, place.depth_m)
     proved_all = all(each.proved for each in pairs)
     return Leg(kind, path, proved_all, Ground(reach.checker(place)), touches=pairs)

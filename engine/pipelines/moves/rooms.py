@@ -18,6 +18,7 @@ from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from engine.stages.geometry.kinematics.turning import nearest_turns, turned_near
 from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.world.model import World
+from engine.stages.motion.touching import touches
 from kb.model.cell import Place, Placement
 
 STRAIGHT_STEP_M = 0.01  # how often a straight way of the tool is looked at
@@ -40,7 +41,7 @@ class Room:
         return Reachability(self.world, self.backend)
 
     def checker(self, place: Place) -> CollisionChecker:
-        """What must not touch at a place."""
+        """What must not touch at a place; how deep what may touch is entered is not asked."""
         return self.ground(place).checker
 
     def ground(self, place: Place) -> Ground:
@@ -118,15 +119,22 @@ class Room:
         ]
 
     def is_free(self, place: Place, path: Floats) -> bool:
-        """Whether nothing touches that must not, anywhere on a path (m, k) of the place's arm."""
+        """Whether nothing touches that must not, or deeper than it may, anywhere on a path (m, k) of the place's arm."""
         ground, whole = self.ground(place), self.whole(place.arm, path)
         if ground.collides(whole).any():
             return False
-        return len(path) < 2 or proved(ground.proof(0.0, FINEST_M), whole) == len(whole) - 1
+        if len(path) > 1 and proved(ground.proof(0.0, FINEST_M), whole) < len(whole) - 1:
+            return False
+        met = touches(self.reach.meeting(place), whole, place.depth_m) if place.touches else ()
+        return all(each.proved for each in met)
+
+    def collides(self, place: Place, q: Floats) -> Truths:
+        """Whether something touches that must not, or deeper than it may, for configurations (n, k)."""
+        return self.reach.collides(place, self.whole(place.arm, q))
 
     def touching(self, place: Place, q: Floats) -> tuple[Contact, ...]:
-        """What touches at one configuration (k,)."""
-        return self.ground(place).contacts(self.whole(place.arm, q[None])[0])
+        """What touches at one configuration (k,) and must not, or deeper than it may."""
+        return self.reach.contacts(place, self.whole(place.arm, q[None])[0])
 
 
 def _corners(model: ArmModel, paths: Floats, poses: Floats) -> Truths:

@@ -107,9 +107,7 @@ class StepMotion:
         """The configurations (n, k) at the place that touch nothing; none are needed if the arm only goes before it."""
         poses = self.before.poses(self.place, self.hands.now(self.arm))
         if len(poses):
-            free: Floats = poses[
-                ~self.before.checker(self.place).collides(self.before.whole(self.arm, poses))
-            ]
+            free: Floats = poses[~self.before.collides(self.place, poses)]
             if len(free):
                 return free
         return poses[:0] if self.operation.ends is Ends.BEFORE else self._unreached(poses)
@@ -249,7 +247,7 @@ class StepMotion:
     def _touched_along(self, path: Floats) -> Iterator[str]:
         """What is touched first on a straight way into the place, or on the way out of it."""
         for room in (self.before, self.after):
-            hits = room.checker(self.place).collides(room.whole(self.arm, path))
+            hits = room.collides(self.place, path)
             if hits.any():
                 yield from self._others(path[int(np.argmax(hits))], room)
                 return

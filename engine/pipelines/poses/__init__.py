@@ -18,7 +18,7 @@ from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.validation.semantics import Semantics
-from kb.model.cell import Cell, Measuring, Place
+from kb.model.cell import Cell, Measuring, Place, Placement
 from kb.model.conventions import Conventions
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Text, is_ground
@@ -94,7 +94,7 @@ def _alike(cell: Cell, places: Sequence[Place]) -> list[list[Place]]:
     """The places in groups that one arm takes with one tool in one way."""
     groups: dict[object, list[Place]] = {}
     for place in places:
-        way = (place.arm, place.tool, place.touches, place.approach_m, place.turns, _how(cell, place))
+        way = (replace(place, name="", placement=Placement()), _how(cell, place))
         groups.setdefault(way, []).append(place)
     return list(groups.values())
 

@@ -38,7 +38,8 @@ class Footing:
         """The digest of all that, of the place as seen from the arm's base, and of how the measurement is taken."""
         at = self._T_base_world @ self._world.pose("world", place.placement.parent)
         at = at @ transforms.of_pose(place.placement.pose)
-        return _digest((self._same, _rounded(at), place.approach_m, place.turns, place.touches, how))
+        allowed = (place.touches, place.depth_m)
+        return _digest((self._same, _rounded(at), place.approach_m, place.turns, *allowed, how))
 
 
 class Standing:

@@ -74,7 +74,7 @@ def ways_into(room: Room, places: Sequence[Place]) -> list[Ways]:
         return []
     arm = places[0].arm
     poses = room.poses_at(places, room.world.configurations[arm])
-    hits = room.checker(places[0]).collides(room.whole(arm, np.concatenate(poses)))
+    hits = room.collides(places[0], np.concatenate(poses))
     ends = np.cumsum([len(each) for each in poses])[:-1]
     found = [
         Ways(*each) for each in zip(places, poses, [~each for each in np.split(hits, ends)], strict=True)

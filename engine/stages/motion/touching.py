@@ -1,18 +1,24 @@
 """What touches by intention, proved pair by pair: on the whole of a path, no pair overlaps by more than it may.
 
-The ground has the pairs that may touch, and no others. On a stretch around a configuration, two bodies come nearer by no more
-than their fastest points move; a stretch for which that leaves doubt is halved.
+The ground has the pairs that may touch, and no others. Up to the first touch and after the last, compiled kernels prove that
+nothing touches at all. Between them, two bodies come nearer, on a stretch around a configuration, by no more than their fastest
+points move; a stretch for which that leaves doubt is halved.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import numpy as np
+
+from engine.kernels.geometry.proof import Proof, proved
 from engine.model.geometry import Contact, Floats
+from engine.model.motion import FINEST_M
 from engine.ports import MotionGround
 
 FINEST = 1e-5  # the least share of a line that is looked at
 LOOKS = 4000  # configurations for one line
+CUTS = 8  # places of a line up to which a proof is tried
 
 Pair = tuple[str, str]
 
@@ -51,9 +57,10 @@ class _Seen:
 
 def touches(ground: MotionGround, path: Floats, allowed_m: float) -> tuple[Touch, ...]:
     """The pairs that touch on a path (m, k), and those that may for all that is known; each with its proof."""
-    seen = _Seen(allowed_m)
-    seen.note(ground.contacts(path[0]), 0.0)
-    for first, second in pairwise(path):
+    proof, seen = ground.proof(0.0, FINEST_M), _Seen(allowed_m)
+    left = _from_first_touch(proof, _from_first_touch(proof, path)[::-1])[::-1]
+    seen.note(ground.contacts(left[0]), 0.0)
+    for first, second in pairwise(left):
         _go_through(ground, first, second, seen)
         seen.note(ground.contacts(second), 0.0)
     return tuple(
@@ -61,6 +68,20 @@ def touches(ground: MotionGround, path: Floats, allowed_m: float) -> tuple[Touch
         for pair, depth in sorted(seen.deepest.items())
         if depth > 0.0 or pair in seen.doubted
     )
+
+
+def _from_first_touch(proof: Proof, path: Floats) -> Floats:
+    """The rest of a path (m, k) from where it is not proved any more that nothing touches: its end alone if all of it is."""
+    path = np.ascontiguousarray(path)
+    lines = proved(proof, path)
+    if lines == len(path) - 1:
+        return path[-1:]
+    first, at = path[lines], path[lines + 1]
+    for _ in range(CUTS):
+        at = first + proof.where * (at - first)
+        if proof.where == 0.0 or proved(proof, np.stack([first, at])):
+            return np.concatenate([at[None], path[lines + 1 :]])
+    return path[lines:]
 
 
 def _go_through(ground: MotionGround, first: Floats, second: Floats, seen: _Seen) -> None:

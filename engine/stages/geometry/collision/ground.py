@@ -103,14 +103,6 @@ class Ground:
         """A bound on the way (m) of every point that moves on the straight line between two configurations (k,)."""
         return float((matmul(np.abs(second - first), self._reach)).max(initial=0.0))
 
-    def only(self, pairs: Collection[frozenset[str]]) -> "Ground":
-        """The ground on which nothing is checked but some pairs of bodies."""
-        scene = self.scene
-        names = [piece.body for piece in scene.pieces]
-        kept = [frozenset((names[i], names[j])) in pairs for i, j in scene.pairs.reshape(-1, 2)]
-        left = np.ascontiguousarray(scene.pairs.reshape(-1, 2)[np.array(kept, dtype=bool)])
-        return Ground(BuiltinChecker(replace(scene, pairs=left)))
-
     def _packed(self, margin_m: float) -> Narrow:
         """The scene as kernels read it, packed once for each margin."""
         if margin_m not in self._kept:

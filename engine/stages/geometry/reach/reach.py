@@ -3,23 +3,26 @@
 A place asks for a pose of the tool point (or of the tip of a tool in hand), and for a second pose backed off
 along the tool's z. Every branch of the inverse kinematics is tried. For tools that may turn about their own z
 a ring of poses is tried. A configuration counts if it is within the joint limits and touches only what the
-place allows.
+place allows, no deeper than it allows.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Contact, Floats
+from engine.model.geometry import Contact, Floats, Truths
 from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
+from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.kinematics.inverse import Branches, InverseKinematics
 from engine.stages.geometry.kinematics.turning import nearest_turns
 from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
+from engine.stages.geometry.world.scenes import scene_of, scene_of_pairs
 from kb.model.cell import Place
 
 TURNS = 24  # poses tried for a tool that may turn about its own z
@@ -58,6 +61,7 @@ class Reachability:
         self._world, self._backend = world, backend
         self._kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
         self._checkers: dict[tuple[str, str, tuple[str, ...]], CollisionChecker] = {}
+        self._meetings: dict[tuple[str, str, tuple[str, ...]], Ground] = {}
 
     def at(self, place: Place) -> Reached | Unreached:
         """The configurations in which the arm reaches a place, or why it does not reach it."""
@@ -97,11 +101,10 @@ class Reachability:
         within = self._within_limits(place.arm, found)
         if not len(within):
             return self._why_limited(place, found)
-        checker = self.checker(place)
         whole = self.whole(place, within)
-        hits = checker.collides(whole)
+        hits = self.collides(place, whole)
         if hits.all():
-            return _why_blocked(checker, whole)
+            return self._why_blocked(place, whole)
         return Reached(within[~hits])
 
     def _within_limits(self, arm: str, found: Branches) -> Floats:
@@ -120,13 +123,36 @@ class Reachability:
     def checker(self, place: Place) -> CollisionChecker:
         """A checker of the scene with the place's tool in hand.
 
-        What the place lists in `touches` may touch the tool and its parts.
+        What the place lists in `touches` may touch the tool and its parts; how deep is not asked here.
         """
         key = (place.arm, place.tool, place.touches)
         if key not in self._checkers:
             scene = scene_of(self._holding(place), allowed=self.intended(place))
             self._checkers[key] = self._backend.checker(scene)
         return self._checkers[key]
+
+    def meeting(self, place: Place) -> Ground:
+        """The ground of what touches by intention at a place, and of nothing else. Its depths are exact with any backend."""
+        key = (place.arm, place.tool, place.touches)
+        if key not in self._meetings:
+            scene = scene_of_pairs(self._holding(place), self.intended(place))
+            self._meetings[key] = Ground(BuiltinChecker(scene))
+        return self._meetings[key]
+
+    def collides(self, place: Place, whole: Floats) -> Truths:
+        """Whether something touches that must not at a place, or is touched deeper than it may be, for configurations (n, k)."""
+        hits = self.checker(place).collides(whole)
+        if place.touches and not hits.all():
+            left = np.nonzero(~hits)[0]
+            hits[left] = -self.meeting(place).clearance(whole[left], 0.0) > place.depth_m
+        return hits
+
+    def contacts(self, place: Place, whole: Floats) -> tuple[Contact, ...]:
+        """What touches at a place and must not, or deeper than it may, in one configuration (k,): the deepest first."""
+        met = self.meeting(place).contacts(whole) if place.touches else ()
+        deep = [each for each in met if each.depth_m > place.depth_m]
+        found = (*self.checker(place).contacts(whole), *deep)
+        return tuple(sorted(found, key=lambda each: each.distance_m)) if deep else found
 
     def _holding(self, place: Place) -> World:
         return self._world.held(place.tool, place.arm) if place.tool else self._world
@@ -151,6 +177,22 @@ class Reachability:
         return Unreached(
             f"it is out of the reach of {place.arm}: {away}", "move the place, or the arm's base"
         )
+
+    def _why_blocked(self, place: Place, whole: Floats) -> Unreached:
+        """What collides in the configurations (n, k) that are nearest to being free."""
+        clearance = self.checker(place).clearance(whole, 0.0)
+        if place.touches:
+            clearance = np.minimum(clearance, self.meeting(place).clearance(whole, 0.0) + place.depth_m)
+        told: dict[str, Contact] = {}
+        for n in np.argsort(-clearance, kind="stable")[:NEAR_MISSES]:
+            for contact in self.contacts(place, whole[n]):
+                told.setdefault(f"{contact.first} touches {contact.second}", contact)
+        shown = [
+            f"{said} by {contact.depth_m * 1000:.0f} mm" for said, contact in list(told.items())[:NEAR_MISSES]
+        ]
+        every = "every configuration" if len(whole) > 1 else "the only configuration"
+        reason = f"{every} is in collision: {', '.join(shown)}"
+        return Unreached(reason, _hint(place, told.values()))
 
     def _why_limited(self, place: Place, found: Branches) -> Unreached:
         """The joint that leaves its limits in the best branch, and by how much."""
@@ -181,19 +223,11 @@ def _orientations() -> Floats:
     return np.stack([transforms.rotation(axis, rng.uniform(0, math.pi)) for axis in axes])
 
 
-def _why_blocked(checker: CollisionChecker, whole: Floats) -> Unreached:
-    """What collides in the configurations that are nearest to being free."""
-    depth = checker.clearance(whole, 0.0)
-    contacts = [contact for n in np.argsort(-depth)[:NEAR_MISSES] for contact in checker.contacts(whole[n])]
-    told: dict[str, Contact] = {}
-    for contact in contacts:
-        told.setdefault(f"{contact.first} touches {contact.second}", contact)
-    shown = [
-        f"{said} by {contact.depth_m * 1000:.0f} mm" for said, contact in list(told.items())[:NEAR_MISSES]
-    ]
-    every = "every configuration" if len(whole) > 1 else "the only configuration"
-    reason = f"{every} is in collision: {', '.join(shown)}"
-    return Unreached(reason, "move what is in the way, or name in `touches` what may be in contact there")
+def _hint(place: Place, contacts: Iterable[Contact]) -> str:
+    """What to try where contacts refuse a place."""
+    if any(place.touches and {each.first, each.second} & {*place.touches} for each in contacts):
+        return "move the place, or allow more `depth` to what it `touches`"
+    return "move what is in the way, or name in `touches` what may be in contact there"
 
 
 def unreached(world: World, backend: GeometryBackend) -> dict[str, Unreached]:

@@ -26,6 +26,18 @@ def scene_of(world: World, leave_out: Collection[str] = (), allowed: Names = fro
     return _scene(world.joints, pieces, _allowed(world) | allowed)
 
 
+def scene_of_pairs(world: World, pairs: Names) -> Scene:
+    """The scene in which some pairs of bodies are checked, and no others. What the cell allows to touch is not checked here either."""
+    named = frozenset[str]().union(*pairs)
+    bodies = _body_pieces(world, world.cell.bodies.keys() - named)
+    regions = _region_pieces(world, world.cell.regions.keys() - named)
+    links = (piece for piece in _link_pieces(world) if piece.body in named)
+    left = (*links, *bodies, *regions)
+    scene = _scene(world.joints, left, _allowed(world))
+    kept = [frozenset((left[i].body, left[j].body)) in pairs for i, j in scene.pairs.reshape(-1, 2)]
+    return replace(scene, pairs=np.ascontiguousarray(scene.pairs.reshape(-1, 2)[np.array(kept, dtype=bool)]))
+
+
 def free_scene_of(
     world: World, body: str, leave_out: Collection[str] = (), allowed: Names = frozenset()
 ) -> Scene:

@@ -1,11 +1,13 @@
 """Poses of measurements: found together as alone, kept as long as nothing near them changes, and refused with a reason."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from engine.pipelines import poses
+from engine.pipelines.moves.places import with_measured_places
 from engine.pipelines.moves.rides import Ride
 from engine.pipelines.moves.rooms import Room
 from engine.pipelines.planning import problem_of
@@ -13,13 +15,14 @@ from engine.pipelines.poses import Knowledge, known_poses, with_stations
 from engine.plugins import geometry_backend
 from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from engine.stages.geometry.world.model import World
+from engine.stages.geometry.world.scenes import scene_of
 from engine.stages.grounding.need import thinned
 from kb.loader.cell import cell_of
-from kb.model.cell import Body, BodyKind, Cell, Placement
+from kb.model.cell import TOUCH_M, Body, BodyKind, Cell, Placement
 from kb.model.conditions import And, goal_parts
 from kb.model.problem import Problem
 from kb.model.shapes import Box, PlacedShape, Pose
-from kb.terms import Function
+from kb.terms import Function, Number
 
 PROBLEM = "bulkhead/three_stations"
 
@@ -37,6 +40,66 @@ def cell() -> Cell:
 @pytest.fixture(scope="module")
 def known(problem: Problem, cell: Cell) -> Knowledge:
     return known_poses(problem, cell, geometry_backend())
+
+
+def moved_to(problem: Problem, point: str, x: int, y: int) -> Problem:
+    """The problem with one point elsewhere on the web, in micrometres."""
+    at = Function("position", (Function(point), Number(x), Number(y), Number(0)))
+    others = [each for each in problem.statics if each.name != "position" or str(each.arguments[0]) != point]
+    return replace(problem, statics=(*others, at))
+
+
+def depths(cell: Cell, known: Knowledge) -> list[float]:
+    """How deep the probe is in what it may touch at the deepest of each way, looked at five times on each line."""
+    found = []
+    for each in (each for each in known.poses.values() if each.reached and each.tool == "us_probe"):
+        world = World.of(cell).guided("carriage", {"left": -1.6, "middle": 0.0, "right": 1.6}[each.station])
+        checker = geometry_backend().checker(scene_of(world.held(each.tool, "t3_746")))
+        whole = np.concatenate(
+            [
+                a + np.linspace(0.0, 1.0, 5)[:, None] * (b - a)
+                for path in each.straight
+                for a, b in pairwise(path)
+            ]
+        )
+        met = [contact for q in whole for contact in checker.contacts(q)]
+        found += [max((contact.depth_m for contact in met), default=0.0)]
+    return found
+
+
+def test_a_point_at_the_foot_of_a_rib_is_not_reached_through_the_rib(problem: Problem, cell: Cell) -> None:
+    inside = known_poses(moved_to(problem, "a1", -200_000, -1_700_000), cell, geometry_backend())
+    assert "ribs touches us_probe by 35 mm" in inside.unreached()["a1"]
+    beside = known_poses(moved_to(problem, "a1", -200_000, -1_740_000), cell, geometry_backend())
+    assert "a1" not in beside.unreached()
+
+
+@pytest.mark.parametrize(("depth_mm", "reached"), [(2, True), (7, False)])
+def test_a_probe_may_lean_into_a_rib_as_deep_as_it_may_touch_and_no_deeper(
+    problem: Problem, cell: Cell, depth_mm: int, reached: bool
+) -> None:
+    y = -1_700_000 - 15_000 - 20_000 + depth_mm * 1000  # half a rib, the radius of the probe
+    known = known_poses(moved_to(problem, "a1", -200_000, y), cell, geometry_backend())
+    assert ("a1" not in known.unreached()) == reached
+    assert max(depths(cell, known)) <= TOUCH_M + 1e-9
+
+
+def test_all_points_keep_poses_that_enter_nothing(cell: Cell, known: Knowledge) -> None:
+    assert known.unreached() == {}
+    assert max(depths(cell, known)) <= TOUCH_M
+
+
+def test_poses_are_found_again_where_less_depth_is_allowed(
+    problem: Problem, cell: Cell, known: Knowledge
+) -> None:
+    places = {
+        "meas(b1)": replace(
+            with_measured_places(cell, problem, {"b1": "us_probe"}).places["meas(b1)"], depth_m=0.001
+        )
+    }
+    shallow = replace(cell, places={**cell.places, **places})
+    again = known_poses(problem, shallow, geometry_backend(), known.poses)
+    assert {key[0] for key, each in again.poses.items() if each is not known.poses.get(key)} == {"b1"}
 
 
 def with_block(cell: Cell, at: tuple[float, float, float], size: float = 0.1) -> Cell:
