@@ -34,6 +34,7 @@ class Room:
     backend: GeometryBackend
     kinematics: Mapping[str, InverseKinematics]
     _grounds: dict[tuple[str, str, tuple[str, ...]], Ground] = field(default_factory=dict)
+    _meetings: dict[tuple[str, str, tuple[str, ...]], Ground] = field(default_factory=dict)
 
     @cached_property
     def reach(self) -> Reachability:
@@ -125,8 +126,14 @@ class Room:
             return False
         if len(path) > 1 and proved(ground.proof(0.0, FINEST_M), whole) < len(whole) - 1:
             return False
-        met = touches(self.reach.meeting(place), whole, place.depth_m) if place.touches else ()
+        met = touches(self._meeting(place), whole, place.depth_m) if place.touches else ()
         return all(each.proved for each in met)
+
+    def _meeting(self, place: Place) -> Ground:
+        key = (place.arm, place.tool, place.touches)
+        if key not in self._meetings:
+            self._meetings[key] = Ground(self.reach.meeting(place))
+        return self._meetings[key]
 
     def collides(self, place: Place, q: Floats) -> Truths:
         """Whether something touches that must not, or deeper than it may, for configurations (n, k)."""

@@ -17,8 +17,6 @@ from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Contact, Floats, Truths
 from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.kinematics.inverse import Branches, InverseKinematics
 from engine.stages.geometry.kinematics.turning import nearest_turns
 from engine.stages.geometry.world.model import World
@@ -61,7 +59,7 @@ class Reachability:
         self._world, self._backend = world, backend
         self._kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
         self._checkers: dict[tuple[str, str, tuple[str, ...]], CollisionChecker] = {}
-        self._meetings: dict[tuple[str, str, tuple[str, ...]], Ground] = {}
+        self._meetings: dict[tuple[str, str, tuple[str, ...]], CollisionChecker] = {}
 
     def at(self, place: Place) -> Reached | Unreached:
         """The configurations in which the arm reaches a place, or why it does not reach it."""
@@ -131,12 +129,12 @@ class Reachability:
             self._checkers[key] = self._backend.checker(scene)
         return self._checkers[key]
 
-    def meeting(self, place: Place) -> Ground:
-        """The ground of what touches by intention at a place, and of nothing else. Its depths are exact with any backend."""
+    def meeting(self, place: Place) -> CollisionChecker:
+        """A checker of what touches by intention at a place, and of nothing else."""
         key = (place.arm, place.tool, place.touches)
         if key not in self._meetings:
             scene = scene_of_pairs(self._holding(place), self.intended(place))
-            self._meetings[key] = Ground(BuiltinChecker(scene))
+            self._meetings[key] = self._backend.checker(scene)
         return self._meetings[key]
 
     def collides(self, place: Place, whole: Floats) -> Truths:
