@@ -36,6 +36,7 @@ def state_of(course: Progress) -> dict[str, Any]:
         ],
         "sent": [[entry, at_ms] for entry, at_ms in course.sent.values()],
         "number": standing.number,
+        "unrested": sorted(standing.unrested),
         "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
         "before": held.checkpoint,
         "history": [_work_entry(each) for each in course.history[held.history :]],
@@ -104,6 +105,7 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
     past.sent = {entry["command"]: (entry, at_ms) for entry, at_ms in state["sent"]}
     past.since = {read_atom(atom): at_ms for atom, at_ms in state["since"]}
     past.cases = {(exception, step): count for exception, step, count in state["cases"]}
+    past.unrested = frozenset(state.get("unrested", ()))
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]
     past.last = past.checkpoint = number

@@ -30,6 +30,7 @@ LONG = (
     "order",
     "dwells",
     "running",
+    "full",
 )  # what of a plan's record grows with the plan, or is true only once
 VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
 
@@ -110,6 +111,7 @@ class Progress:
         None  # the program with steps that were done before the run was taken up again
     )
     turn: Turn | None = None
+    interrupts: bool = False  # it was told to pause, and has not yet
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing

@@ -31,6 +31,7 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "why": why,
         **steps_entry(ready.compiled),
         "timed": program.timed,
+        "hands": sorted(program.hands),
         "forecast_ms": program.forecast_ms,
         "goals": list(map(str, goal_parts(scope.problem.goal))),
         "given_up": [[each.goal, each.why] for each in scope.given_up],
@@ -124,8 +125,9 @@ _ground = lru_cache(1 << 10)(ground_term)
 def compiled_of(entry: Mapping[str, Any]) -> Compiled:
     """The program of a plan that a record has."""
     steps = {each["id"]: each for each in entry["steps"]}
-    activities = {number: _activity(each) for number, each in steps.items()}
-    program = Program(activities, tuple(Dwell(*each) for each in entry["dwells"]), entry["timed"])
+    activities = {number: activity_of(each) for number, each in steps.items()}
+    dwells, hands = tuple(Dwell(*each) for each in entry["dwells"]), frozenset(entry.get("hands", ()))
+    program = Program(activities, dwells, entry["timed"], hands=hands)
     plan = Plan(tuple(_step(steps[number]) for number in entry["order"]))
     return Compiled(
         program,
@@ -144,7 +146,8 @@ def scope_of(scope: Scope, entry: Mapping[str, Any]) -> Scope:
     return replace(found.cut(entry["chains"], entry["goals"]), given_up=given_up)
 
 
-def _activity(each: Mapping[str, Any]) -> Activity:
+def activity_of(each: Mapping[str, Any]) -> Activity:
+    """A step in the record of a plan as the executive sees it."""
     return Activity(
         each["id"],
         each["step"],
