@@ -38,6 +38,10 @@ def test_an_operators_walk(
     at(page, "tab-results").click()
     at(page, "shows-results", has_text="nothing was measured").wait_for()
     told += ["What was done first", *rows(page, "objects")[:1]]
+    at(page, "tab-now").click()
+    goals = at(page, "shows-now").locator("tr")
+    goals.filter(has_text="✓ reached").first.wait_for()
+    goals.filter(has_text="○ open").first.wait_for(state="detached")
     told += ["Goals", *rows(page, "now")]
     page.keyboard.press("x")
     at(page, "phase", has_text="quiescing").wait_for()
