@@ -151,8 +151,12 @@ def forecasts(records: list[Record], every: int = 7) -> list[tuple[int, bool, bo
         ended += each.kind is RecordKind.DONE
         if each.kind is not RecordKind.DONE or ended % every:
             continue
+        under_way = [action for _, action, *_ in standing.under_way.values()]
         for place, (step, window) in enumerate(standing.ahead().items(), 1):
-            came = [ms for number, ms in begun.get(standing.bars[step].step, ()) if number > each.number]
+            action = standing.bars[step].step
+            came = [ms for number, ms in begun.get(action, ()) if number > each.number]
+            came = came[under_way.count(action) :]  # the same step may come several times in a plan
+            under_way.append(action)
             if window is None:
                 found.append((place, False, False, 0))
             else:
@@ -166,13 +170,13 @@ def forecast_share(problem: Problem, ready: Ready, runs: int) -> int:
     lines = []
     for seed in range(runs):
         lines += forecasts(run(problem, ready, seed, 0)[1])
-    for first, last in ((1, 1), (2, 3), (4, 6), (7, 12), (13, 24), (25, 500), (1, 500)):
-        here = [each for each in lines if first <= each[0] <= last]
+    for least, most in ((1, 1), (2, 3), (4, 6), (7, 12), (13, 24), (25, 500), (1, 500)):
+        here = [each for each in lines if least <= each[0] <= most]
         told = [each for each in here if each[1]]
         share = sum(each[2] for each in told) / max(1, len(told))
         off = statistics.median(each[3] for each in told) / 1000 if told else 0.0
         print(
-            f"{first:>3} to {last:>3} steps ahead: {len(told):>6} of {len(here):>6} told, {share:6.1%} of them in the interval, which is "
+            f"{least:>3} to {most:>3} steps ahead: {len(told):>6} of {len(here):>6} told, {share:6.1%} of them in the interval, which is "
             f"{off:.0f} s either way"
         )
     return 0

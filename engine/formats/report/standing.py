@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from engine.formats.report.execution import duration
 from engine.formats.report.narration import narrated
 from engine.model.execution import Phase, Record, RecordKind
 from engine.pipelines.execution.records import activity_of
@@ -31,6 +32,14 @@ class Bar:
     standing: str = "planned"
 
 
+def begins(window: Window | None) -> str:
+    """When a step probably begins, and by how much this may be off; nothing but its place in the order if nobody can say."""
+    if window is None:
+        return "later"
+    off = round(window.off_ms / 1000)
+    return f"{duration(window.start_ms)}, {off} s sooner or later" if off else duration(window.start_ms)
+
+
 @dataclass
 class Standing:
     """A run up to a record: `bars` are the steps of its last plan, `past` those of plans before it that had begun."""
@@ -46,14 +55,16 @@ class Standing:
     )  # stream, action, since, lasts
     facts: deque[str] = field(default_factory=lambda: deque(maxlen=FACTS))
     log: deque[str] = field(default_factory=lambda: deque(maxlen=LOG))
-    accuracy: Accuracy = Accuracy()  # of the forecasts of this run, as far as it is
+    accuracy: Accuracy = field(default_factory=Accuracy)  # of the forecasts of this run, as far as it is
     program: Program | None = None
     _ahead: Mapping[int, Window | None] | None = None
 
     def ahead(self) -> Mapping[int, Window | None]:
         """The steps that have not begun, in the order of the forecast: when each begins, or None where that cannot be said."""
         if self._ahead is None and self.program is not None:
-            running = {n: Running(n, bar.start_ms) for n, bar in self.bars.items() if bar.standing == "running"}
+            running = {
+                n: Running(n, bar.start_ms) for n, bar in self.bars.items() if bar.standing == "running"
+            }
             done = [n for n, bar in self.bars.items() if bar.standing == "done"]
             standing = standing_of(self.program, self.now_ms, 0, Phase.RUNNING, done, running)
             self._ahead = outlook(self.program, standing, self.accuracy)

@@ -12,7 +12,8 @@ from engine.pipelines.execution.adding import wished
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.scope import Scope
-from engine.stages.execution import Activity, Dwell, Program
+from engine.stages.execution import Activity, Dwell, Program, Standing
+from engine.stages.execution.outlook import Accuracy, outlook
 from engine.stages.macros.lifted.world import StepChange
 from kb.asp import ground_term
 from kb.model.conditions import goal_parts
@@ -40,6 +41,13 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "blocked": list(map(str, scope.blocked)),
         **({"wishes": wishes} if (wishes := wished(scope.problem)) else {}),
     }
+
+
+def standing_entry(program: Program, standing: Standing, accuracy: Accuracy) -> dict[str, Any]:
+    """How a plan stands when it is noted: the hands that are full, and within which times its next steps will begin."""
+    windows = outlook(program, standing, accuracy).items()
+    ahead = [[each, w.start_ms, w.low_ms, w.high_ms] for each, w in windows if w is not None]
+    return {"full": sorted(standing.unrested), "ahead": ahead}
 
 
 def steps_entry(

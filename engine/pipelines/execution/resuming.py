@@ -17,6 +17,7 @@ from engine.pipelines.execution.scope import Scope
 from engine.pipelines.simulation import Achievement, Memory, World
 from engine.pipelines.simulation.world import achievement
 from engine.stages.execution import unrested_after
+from engine.stages.execution.outlook import Accuracy
 from kb.terms import Atom
 
 Content = Mapping[str, Any]
@@ -61,6 +62,7 @@ class Past:
     checkpoint: int = 0  # the number of the last one
     told: int = 0  # so much of the history was written before it
     entire: Callable[[], Compiled] | None = None  # the last plan with steps that a checkpoint has left out
+    accuracy: Accuracy = field(default_factory=Accuracy)
     steps_by_number: dict[int, Content] = field(default_factory=dict)  # of the plan
     unrested: frozenset[str] = frozenset()  # hands that hold something on the way to a goal
     replans: bool = False  # the last plan leads nowhere any more
@@ -163,7 +165,7 @@ class Past:
         for chain, number, _ in moved:
             self.world.reached[chain] = number
         self.done[content["step"]] = record.at_ms
-        self._rested(content["step"])
+        self._ended(content["step"], record.at_ms - content["started_ms"])
         if self.plan is not None and self.plan["timed"]:
             self.since.update(dict.fromkeys(fresh, record.at_ms))
         self.sent.pop(content["command"], None)
@@ -171,10 +173,12 @@ class Past:
         if self.memory.keeps(work):
             self.history.append(work)
 
-    def _rested(self, step: int) -> None:
-        """Follow what is in the hands."""
+    def _ended(self, step: int, lasted_ms: int) -> None:
+        """Follow what is in the hands, and how long steps take beside their forecasts."""
         if self.plan is not None and (entry := self.steps_by_number.get(step)) is not None:
-            self.unrested = unrested_after(self.unrested, activity_of(entry), self.plan.get("hands", ()))
+            activity = activity_of(entry)
+            self.unrested = unrested_after(self.unrested, activity, self.plan.get("hands", ()))
+            self.accuracy = self.accuracy.after(lasted_ms, activity.lasts_ms)
 
     def corrected(self, record: Record) -> None:
         """The world model was corrected."""

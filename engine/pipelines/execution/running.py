@@ -15,7 +15,7 @@ from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.progress import EVERY, Checkpoint, Turn
 from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import compiled_of, end_entry, plan_entry, read_atom
+from engine.pipelines.execution.records import compiled_of, end_entry, plan_entry, read_atom, standing_entry
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.reviewing import chosen, reviewed
 from engine.pipelines.execution.scope import Scope
@@ -63,7 +63,12 @@ class Execution:
         self.forecast_ms = ready.compiled.program.forecast_ms
         if ready.notes:
             self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
-        course.planned({**plan_entry(ready, "first", scope), "full": sorted(full)})
+        course.planned(
+            {
+                **plan_entry(ready, "first", scope),
+                **standing_entry(compiled.program, standing, course.accuracy),
+            }
+        )
         return self.guarded(course, scope, approve)
 
     def resume(self, past: Past) -> Finish:
@@ -200,7 +205,7 @@ class Execution:
         compiled = queued(found.compiled, self.driver.lookahead)
         fresh = standing or self._rested(course, scope, found, compiled)
         running = [[number, each.activity] for number, each in sorted(fresh.running.items())]
-        entry = {**plan_entry(found, why, scope), "full": sorted(fresh.unrested)}
+        entry = {**plan_entry(found, why, scope), **standing_entry(compiled.program, fresh, course.accuracy)}
         course.planned({**entry, **({"running": running} if running else {})})
         course.world.chains = scope.problem.chains
         for chain in scope.problem.chains:

@@ -92,4 +92,5 @@ def restore(course: Course, past: Past) -> None:
     course.entire = past.entire
     course.sent = {number: (dict(entry), at_ms) for number, (entry, at_ms) in past.sent.items()}
     course.noted, course.since = course.recorder.last, dict(past.since)
+    course.accuracy = past.accuracy
     course.done, course.history = set(past.done), past.history

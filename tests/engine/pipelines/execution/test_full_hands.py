@@ -12,10 +12,12 @@ from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import standing_again
 from engine.pipelines.simulation import World
 from engine.pipelines.simulator import Injection
+from engine.stages.execution.outlook import Accuracy
 from tests.engine.pipelines.execution.cells import executed, planned
 
 PICK, STORE = "pick(probe_1, slot(drawer, 1))", "put(probe_1, slot(drawer, 1))"
 BRING = "put(probe_1, slot(furnace, 1))"
+known: dict[int, Accuracy] = {}  # after each group of records
 Flushed = list[tuple[int, frozenset[str], bool]]
 
 
@@ -24,11 +26,13 @@ def flushed(monkeypatch: pytest.MonkeyPatch) -> Flushed:
     """After each group of records: the last one's number, the hands that hold something, and whether a case is open."""
     seen: Flushed = []
     flush = Course.flush
+    known.clear()
 
     def followed(course: Course) -> None:
         flush(course)
         quiet = course.standing.phase in (Phase.QUIESCING, Phase.HANDLING)
         seen.append((course.recorder.last, course.standing.unrested, quiet))
+        known[course.recorder.last] = course.accuracy
 
     monkeypatch.setattr(Course, "flush", followed)
     return seen
@@ -50,6 +54,7 @@ def test_what_is_in_the_hands_follows_from_the_journal(step: str, cause: str, fl
         for record in records[read:number]:
             past.take(record)
         read = number
+        assert past.accuracy == known[number]
         assert open_case or standing_again(compiled_of(past.plan or {}), past, past.at_ms).unrested == full
     assert any(full for _, full, _ in flushed)
 
