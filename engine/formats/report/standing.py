@@ -37,7 +37,8 @@ def begins(window: Window | None) -> str:
     if window is None:
         return "later"
     off = round(window.off_ms / 1000)
-    return f"{duration(window.start_ms)}, {off} s sooner or later" if off else duration(window.start_ms)
+    start = duration(round(window.start_ms / 1000) * 1000)
+    return f"{start}, {off} s sooner or later" if off else start
 
 
 @dataclass
