@@ -13,7 +13,7 @@ from engine.formats.report.narration import narrated
 from engine.model.execution import Phase, Record, RecordKind
 from engine.pipelines.execution.records import activity_of
 from engine.stages.execution import Program, Running, standing_of
-from engine.stages.execution.outlook import Accuracy, Window, outlook
+from engine.stages.execution.outlook import TOLERANCE_MS, Accuracy, Window, outlook
 
 LOG, FACTS = 8, 6  # lines of the log, last changes of the world
 
@@ -57,6 +57,7 @@ class Standing:
     facts: deque[str] = field(default_factory=lambda: deque(maxlen=FACTS))
     log: deque[str] = field(default_factory=lambda: deque(maxlen=LOG))
     accuracy: Accuracy = field(default_factory=Accuracy)  # of the forecasts of this run, as far as it is
+    tolerance_ms: int = TOLERANCE_MS  # starts that may be off by more are not told
     program: Program | None = None
     _ahead: Mapping[int, Window | None] | None = None
 
@@ -68,7 +69,7 @@ class Standing:
             }
             done = [n for n, bar in self.bars.items() if bar.standing == "done"]
             standing = standing_of(self.program, self.now_ms, 0, Phase.RUNNING, done, running)
-            self._ahead = outlook(self.program, standing, self.accuracy)
+            self._ahead = outlook(self.program, standing, self.accuracy, self.tolerance_ms)
         return self._ahead or {}
 
     def take(self, record: Record) -> None:
