@@ -94,6 +94,12 @@ def test_a_pause_is_noted_once_whether_it_comes_at_once_or_later(at_ms: int) -> 
     assert len(said) == 1
 
 
+def test_a_stop_is_told_once() -> None:
+    _, records, _ = executed("themse/one", orders=Timed([(5_000, Given(Order.STOP))]))
+    said = [line for each in records for line in narrated(each) if "stopped" in line]
+    assert len(said) == 1
+
+
 def test_what_an_order_begins_is_sent_before_anything_is_waited_for() -> None:
     orders = Timed([(10_000, Given(Order.INTERRUPT)), (100_000, Given(Order.CONTINUE))])
     _, records, _ = executed("themse/one", orders=orders)
