@@ -1,6 +1,7 @@
 """Runs whose steps take longer or shorter than forecast: stays that are too long, and makespans beside perfect knowledge.
 
     python benchmarks/stochastic.py [--probes N] [--runs N] [--known N] [--work N] [--stay SECONDS] [--jobs N] [--json FILE]
+    python benchmarks/stochastic.py --forecast --runs N [--tolerance SECONDS]
 
 Probes are heated, cooled and stored in the laboratory; as many depots, furnace 1, freezer 2. Every step of every run varies evenly by
 20 % around its forecast. Nothing may stay in the furnace for longer than --stay (0: no limit). A stay that was too long has to have
@@ -8,6 +9,9 @@ been told as an exception. For the first --known runs CP-SAT schedules the same 
 --work units of work, about seconds of one core. Exits with 1 if a stay was too long and nobody told, if a run does not reach
 its goals, or if the mean makespan is more than 3 % longer. With --json what was run is kept, and the next call goes on behind it; --jobs runs
 so many at the same time.
+
+With --forecast: how good the forecasts of starts are that a run shows, of which none may be off by more than --tolerance. Exits with 1 if
+less than 93 % of the starts are in their intervals, which should have 95 %.
 """
 
 import argparse
@@ -25,6 +29,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from engine.formats.report.standing import Standing as Run
 from engine.model.execution import Record, RecordKind
 from engine.model.schedule import Timetable
 from engine.pipelines.execution import Execution, Timed
@@ -43,6 +48,7 @@ from kb.model.problem import Problem
 
 SPREAD = 0.2
 SHARE = 1.03
+LEAST = 0.93  # of the starts are in intervals that should have 0.95 of them
 
 
 class Kept:
@@ -134,6 +140,52 @@ def with_perfect_knowledge(problem: Problem, ready: Ready, records: list[Record]
     return float(made.schedule.makespan)
 
 
+def forecasts(records: list[Record], tolerance: int, every: int = 7) -> list[tuple[int, bool, bool, int]]:
+    """Of each forecast of a start that a display has shown behind every so many steps: how many steps ahead it was, whether it was
+    within the horizon, whether the step began in the interval, and half of that in milliseconds. A step that was exchanged for
+    another one, or that another plan has left out, counts as not begun in it if it was within the horizon.
+    """
+    standing, found, ended = Run("x", tolerance_ms=1000 * tolerance), [], 0
+    begun: dict[str, list[tuple[int, int]]] = {}
+    for each in records:
+        if each.kind is RecordKind.DONE:
+            begun.setdefault(each.content["action"], []).append((each.number, each.content["started_ms"]))
+    for each in records:
+        standing.take(each)
+        ended += each.kind is RecordKind.DONE
+        if each.kind is not RecordKind.DONE or ended % every:
+            continue
+        under_way = [action for _, action, *_ in standing.under_way.values()]
+        for place, (step, window) in enumerate(standing.ahead().items(), 1):
+            action = standing.bars[step].step
+            came = [ms for number, ms in begun.get(action, ()) if number > each.number]
+            came = came[under_way.count(action) :]  # the same step may come several times in a plan
+            under_way.append(action)
+            if window is None:
+                found.append((place, False, False, 0))
+            else:
+                good = bool(came) and window.low_ms - 1000 <= came[0] <= window.high_ms + 1000
+                found.append((place, True, good, window.off_ms))
+    return found
+
+
+def forecast_share(problem: Problem, ready: Ready, runs: int, tolerance: int) -> int:
+    """Print the share of starts within the shown intervals, by how many steps ahead they were; 1 if it is too small of all."""
+    lines = []
+    for seed in range(runs):
+        lines += forecasts(run(problem, ready, seed, 0)[1], tolerance)
+    for least, most in ((1, 1), (2, 3), (4, 6), (7, 12), (13, 24), (25, 500), (1, 500)):
+        here = [each for each in lines if least <= each[0] <= most]
+        told = [each for each in here if each[1]]
+        share = sum(each[2] for each in told) / max(1, len(told))
+        off = statistics.median(each[3] for each in told) / 1000 if told else 0.0
+        print(
+            f"{least:>3} to {most:>3} steps ahead: {len(told):>6} of {len(here):>6} told, {share:6.1%} of them in the interval, which is "
+            f"{off:.0f} s either way"
+        )
+    return int(share < LEAST)
+
+
 def main() -> int:
     """Print what came of the runs; 1 if a bar is missed."""
     parser = argparse.ArgumentParser(
@@ -146,6 +198,8 @@ def main() -> int:
     parser.add_argument("--stay", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--forecast", action="store_true")
+    parser.add_argument("--tolerance", type=int, default=60)
     asked = parser.parse_args()
     kept = asked.json is not None and asked.json.is_file()
     found = [Line(*each) for each in json.loads(asked.json.read_text("utf-8"))] if kept else []
@@ -154,6 +208,8 @@ def main() -> int:
         ready = first(problem)
         assert isinstance(ready, Ready), ready
         print(f"forecast {ready.makespan} s, {len(ready.plan.steps)} steps", flush=True)
+        if asked.forecast:
+            return forecast_share(problem, ready, asked.runs, asked.tolerance)
         one = partial(measured, problem, ready, asked)
         with ProcessPoolExecutor(asked.jobs) as pool:
             for line in pool.map(one, range(len(found), asked.runs)):

@@ -144,7 +144,8 @@ class RecordKind(StrEnum):
     RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the first record.
     PLAN: why (first, recovery, reschedule, choice, or the order that asked for it), steps [{id, step, stream, says, after, resources,
           start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, chains
-          {name: stages pursued}, given_up, lost, blocked; it replaces the steps that have not begun.
+          {name: stages pursued}, given_up, lost, blocked, hands, full (those that hold something),
+          ahead [[id, start, low, high]] (as far as starts can be forecast); it replaces the steps that have not begun.
     COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms, timeout_ms, about, asks,
           step (id in the plan, or null); looks and watches, if there are any.
     REPLY: command, text, data. A command that got none in time has the text `timeout`.

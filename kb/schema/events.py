@@ -54,6 +54,13 @@ class PlanEvent(_Event):
     steps: list[PlannedStep] = Field(description="its steps")
     forecast_ms: int = Field(description="the forecast of its end")
     goals: list[str] = Field(description="what it is for")
+    hands: list[str] = Field(default_factory=list, description="the resources that work as hands")
+    full: list[str] = Field(default_factory=list, description="the hands that hold something")
+    ahead: list[tuple[int, int, int, int]] = Field(
+        default_factory=list,
+        description="the next steps as far as their starts can be forecast: the number of the step, its start, and the two "
+        "times between which it begins with 95 %",
+    )
 
 
 class CommandEvent(_Event):

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from engine.faces.cli.ending import abandon
 from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
 from engine.faces.cli.watchdog import Watch, current
 from kb.stopping import Stopped
@@ -82,7 +83,7 @@ def writing() -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        _abandon_output()
+        abandon(sys.stdout)
         if error.errno != errno.EPIPE:
             with suppress(OSError):
                 sys.stderr.write(f"cannot write the answer: {error.strerror}\n")
@@ -241,8 +242,3 @@ def _report(answer: Answer) -> None:
     if answer.code == INTERNAL:
         console.print(f"internal error: {answer.content['error']}", style="red", markup=False)
         console.print("This is a bug. CELLWRIGHT_TRACEBACK=1 shows where it happened.")
-
-
-def _abandon_output() -> None:
-    """Give up standard output, which cannot be written any more, so that closing it causes no further error message."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

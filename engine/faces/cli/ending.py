@@ -3,6 +3,7 @@
 import os
 import sys
 import threading
+from typing import TextIO
 
 from engine.faces.cli.watchdog import NAME
 
@@ -12,14 +13,18 @@ ENDED_PROPERLY = ("concurrent.futures", "multiprocessing", "sqlite3", "sqlalchem
 
 def leave(code: int) -> None:
     """Write the streams and end the process at once. Return only if something must still be closed."""
-    if _left_to_close() and not _is_grounding():
-        return
-    try:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    except OSError:
-        return
-    os._exit(code)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            abandon(stream)
+    if not _left_to_close() or _is_grounding():
+        os._exit(code)
+
+
+def abandon(stream: TextIO) -> None:
+    """Give up a stream that cannot be written any more. So closing it causes no message and no other exit code."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _is_grounding() -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from engine.faces.monitor.following import Watched
+from engine.formats.report.standing import begins
 from engine.model.wording import counted
 
 
@@ -85,6 +86,7 @@ def _of_step(run: Watched, step: str) -> list[str] | None:
     before = [each["step"] for each in steps.values() if found["id"] in each.get("after", ())]
     bar = run.bars.get(found["id"])
     stands = f", {bar.standing}" if bar is not None else ""
+    stands += f", begins {begins(ahead[found['id']])}" if found["id"] in (ahead := run.ahead()) else ""
     lines = [f"step {found['id']}{stands}", f"device: {found['stream']}, says: {found.get('says', '')}"]
     lines += [f"waits for: {', '.join(after) or 'nothing'}", f"goes before: {', '.join(before) or 'nothing'}"]
     brings = [*found.get("adds", ()), *found.get("events", ())]

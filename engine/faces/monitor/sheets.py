@@ -80,7 +80,7 @@ class Sheets:
             for each in given:
                 rewrite(path, how, str(each) if how == "removed" else read_point(each))
         except InvalidInput:
-            path.write_text(text, "utf-8")
+            _write(path, text)
             raise
         self._before.setdefault(name, []).append((text, path.read_text("utf-8")))
         names = ", ".join(each if isinstance(each, str) else str(each["name"]) for each in given)
@@ -93,7 +93,7 @@ class Sheets:
         before, after = kept[-1]
         if path.read_text("utf-8") != after:
             raise _refused(name, "the file was changed elsewhere since: undo it there")
-        path.write_text(before, "utf-8")
+        _write(path, before)
         kept.pop()
         return "undone"
 
@@ -119,6 +119,13 @@ class Sheets:
         inspection, _, text = import_file(source, domain)
         path.write_text(text, "utf-8")
         return f"made: {path.relative_to(self.folder).as_posix()}, with {len(inspection.points)} points"
+
+
+def _write(path: Path, text: str) -> None:
+    """Replace a file by another text at once: nobody reads half of it."""
+    trial = path.with_name(f".{path.stem}.trial{path.suffix}")
+    trial.write_text(text, "utf-8")
+    trial.replace(path)
 
 
 def _says_problem(path: Path) -> bool:

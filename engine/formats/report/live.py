@@ -13,9 +13,10 @@ from rich.table import Table
 from rich.text import Text
 
 from engine.formats.report.execution import duration
-from engine.formats.report.standing import Bar, Standing
+from engine.formats.report.standing import Bar, Standing, begins
 from engine.model.wording import counted
 
+NEXT = 5  # steps that have not begun
 NAME = 16  # columns for the name of a device
 KEYS = "p pause or continue   i interrupt   s stop   q leave the display"
 STYLES = {"done": "green", "running": "bold yellow", "failed": "bold red", "planned": "dim"}
@@ -37,7 +38,8 @@ class Display(Standing):
         log = Group(*(Text(each, no_wrap=True, overflow="ellipsis") for each in self.log))
         yield Panel(
             Group(
-                head, self._current(), Text(), chart, Text(), Text("last changes", "bold"), world, Text(), log
+                *(head, self._current(), Text(), self._next(), Text(), chart, Text()),
+                *(Text("last changes", "bold"), world, Text(), log),
             ),
             title=title,
             subtitle=KEYS,
@@ -53,6 +55,14 @@ class Display(Standing):
         table = Table("device", "current step", "since", box=None, pad_edge=False)
         for stream, action, since, _ in self.under_way.values():
             table.add_row(Text(stream), Text(action), duration(since))
+        return table
+
+    def _next(self) -> Table:
+        """The next steps in their order, with the times at which they probably begin as far as these can be told."""
+        table = Table("device", "next step", "begins", box=None, pad_edge=False)
+        for step, window in list(self.ahead().items())[:NEXT]:
+            bar = self.bars[step]
+            table.add_row(Text(bar.stream), Text(bar.step), Text(begins(window)))
         return table
 
     def _chart(self, width: int) -> Iterator[Text]:

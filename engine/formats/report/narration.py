@@ -75,7 +75,7 @@ def _order(content: Content, now: str) -> Iterator[str]:
 
 
 def _phase(content: Content, now: str) -> Iterator[str]:
-    if content["phase"] in ("ready", "paused", "stopped"):
+    if content["phase"] in ("ready", "paused"):  # a stop is told by the end of the run
         yield f"{now}: {content['phase']}: {content['why']}"
 
 

@@ -16,6 +16,7 @@ from engine.pipelines.execution.records import compiled_of, read_atom, steps_ent
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.simulation import Achievement, World
 from engine.pipelines.simulation.world import achievement
+from engine.stages.execution.outlook import Accuracy
 from kb.store.journal import Journal, Line
 
 LONG = 1_000  # steps of a plan that is written anew when half of it is done
@@ -36,6 +37,8 @@ def state_of(course: Progress) -> dict[str, Any]:
         ],
         "sent": [[entry, at_ms] for entry, at_ms in course.sent.values()],
         "number": standing.number,
+        "accuracy": [course.accuracy.count, course.accuracy.total, course.accuracy.squares],
+        "unrested": sorted(standing.unrested),
         "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
         "before": held.checkpoint,
         "history": [_work_entry(each) for each in course.history[held.history :]],
@@ -104,6 +107,8 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
     past.sent = {entry["command"]: (entry, at_ms) for entry, at_ms in state["sent"]}
     past.since = {read_atom(atom): at_ms for atom, at_ms in state["since"]}
     past.cases = {(exception, step): count for exception, step, count in state["cases"]}
+    past.unrested = frozenset(state.get("unrested", ()))
+    past.accuracy = Accuracy(*state.get("accuracy", ()))
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]
     past.last = past.checkpoint = number

@@ -85,7 +85,8 @@ def compiled(
     dwells = tuple(
         dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
     )
-    return Compiled(Program(activities, dwells, timed), plan, changes, expects, results)
+    program = Program(activities, dwells, timed, hands=hands)
+    return Compiled(program, plan, changes, expects, results)
 
 
 def _activity(
@@ -139,30 +140,56 @@ def hands_of(problem: Problem, steps: Sequence[Step]) -> frozenset[str]:
     return frozenset({arm} | {each for each in held if each in types and types[each] == types.get(arm)})
 
 
+def full_hands(problem: Problem, steps: Sequence[Step], state: Collection[Atom]) -> frozenset[str]:
+    """The hands of a plan that hold one of its things in a state."""
+    grip = _Grip.of(problem, steps)
+    return grip.full(grip.held(state))
+
+
 def resting(
     problem: Problem, steps: Sequence[Step], changes: Mapping[int, StepChange], here: Situation
 ) -> frozenset[int]:
-    """The steps after which no hand holds anything, and those that reach a goal."""
-    hands = {Function(name) for name in hands_of(problem, steps)}
-    things = {each for step in steps for each in step.resources} - hands
-
-    def held(atom: Atom) -> bool:
-        return any(mentions(atom, hand) for hand in hands) and any(mentions(atom, each) for each in things)
-
+    """The steps after which none of their hands holds anything, and those that reach a goal."""
+    grip = _Grip.of(problem, steps)
     goals = [part.atom for part in goal_parts(problem.goal) if isinstance(part, Literal) and part.positive]
     goals += [part for chain in problem.chains for stage in chain.stages for part in parts_of(stage)]
-    holding = {atom for atom in here.state if held(atom)}
+    holding = grip.held(here.state)
     found = set()
     for step in steps:
         change = changes[int(step.id)]
-        holding -= set(change.ends)
-        holding |= {atom for atom in change.adds if held(atom)}
+        holding = (holding - set(change.ends)) | grip.held(change.adds)
         added = (*change.adds, *change.events)
-        if not holding or any(
-            reaches(atom, goal) for atom in added for goal in goals if atom.name == goal.name
-        ):
+        reached = any(reaches(atom, goal) for atom in added for goal in goals if atom.name == goal.name)
+        if reached or grip.full(holding).isdisjoint(map(str, step.resources)):
             found.add(int(step.id))
     return frozenset(found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Grip:
+    """The hands of a plan, and the things that they can hold: whatever else its steps hold."""
+
+    hands: frozenset[Term]
+    things: frozenset[Term]
+
+    @classmethod
+    def of(cls, problem: Problem, steps: Sequence[Step]) -> "_Grip":
+        """The hands and the things of a plan."""
+        hands = frozenset(Function(name) for name in hands_of(problem, steps))
+        return cls(hands, frozenset(each for step in steps for each in step.resources) - hands)
+
+    def held(self, atoms: Iterable[Atom]) -> frozenset[Atom]:
+        """Those of the facts that say that a thing is in a hand."""
+        return frozenset(
+            atom
+            for atom in atoms
+            if any(mentions(atom, hand) for hand in self.hands)
+            and any(mentions(atom, each) for each in self.things)
+        )
+
+    def full(self, holding: Collection[Atom]) -> frozenset[str]:
+        """The hands that these facts are about."""
+        return frozenset(str(hand) for hand in self.hands if any(mentions(atom, hand) for atom in holding))
 
 
 def stream_of(said: Term, step: Step) -> str:

@@ -36,7 +36,7 @@ class Course(Progress):
     def go(self) -> Turn:
         """Execute until something needs more than the table, or the program is done."""
         if self.turn is None:
-            self.take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
+            self._begin()
         self.flush()
         while self.turn is None:
             if self.standing.phase is Phase.RUNNING and (turn := self._looks_ahead()) is not None:
@@ -45,6 +45,15 @@ class Course(Progress):
             self.flush()
         turn, self.turn = self.turn, None
         return turn
+
+    def _begin(self) -> None:
+        """Begin the program; if the run was told to pause before it had a program, go no further than that asks for."""
+        if self.standing.phase is not Phase.READY:
+            self.take(executive.Passed())
+        elif self.interrupts:
+            self._told(executive.Interrupted(), Order.INTERRUPT)
+        else:
+            self.take(executive.Began())
 
     def _looks_ahead(self) -> Turn | None:
         """Come back if what is left is to be looked at again, or if something is waited for that another thing could serve."""
@@ -64,8 +73,8 @@ class Course(Progress):
             self.order(given, noted=True)
         for given in self.orders.due(self.driver.now_ms()):
             self.order(given)
-        if self.turn is not None:
-            return
+        if self.turn is not None or self.outbox:
+            return  # what an order has begun is sent before anything is waited for
         messages = self.driver.receive(self._until())
         for message in messages:
             self.hear(message)
@@ -112,12 +121,11 @@ class Course(Progress):
         """Take in an order. Those that the table does not know are for whoever called `go`."""
         if not noted:
             self.recorder.note(RecordKind.ORDER, **given.content())
+        self.heed(given.order)
         event = TABLE.get(given.order)
         if event is not None:
-            before = self.standing.phase
-            self.take(event)
-            if before is not self.standing.phase:
-                self.recorder.note(RecordKind.PHASE, phase=self.standing.phase.value, why=given.order.value)
+            if self.standing.phase is not Phase.READY or given.order is not Order.INTERRUPT:
+                self._told(event, given.order)
         elif given.order is Order.ANSWER:
             self._answered(given)
         elif self.turn is not None or self.standing.phase in (Phase.QUIESCING, Phase.HANDLING):
@@ -126,6 +134,18 @@ class Course(Progress):
             )  # first comes what came before it, or it has to be found out what went wrong
         elif given.order is not Order.APPROVE:
             self.turn = Turn(self.standing.phase, given=given)
+
+    def heed(self, order: Order) -> None:
+        """Keep in mind that the run shall pause, also while it cannot: as long as an exception is handled, say."""
+        if order in (Order.INTERRUPT, Order.CONTINUE):
+            self.interrupts = order is Order.INTERRUPT
+
+    def _told(self, event: executive.Event, order: Order) -> None:
+        """Take an order through the table, and note the phase that it leads to. A pause notes itself."""
+        before = self.standing.phase
+        self.take(event)
+        if self.standing.phase not in (before, Phase.PAUSED):
+            self.recorder.note(RecordKind.PHASE, phase=self.standing.phase.value, why=order.value)
 
     def _answered(self, given: Given) -> None:
         """Take a step for a person for done that a person has confirmed; the answer names the step if several are open."""
@@ -171,6 +191,7 @@ class Course(Progress):
                 self.driver.halt()
                 self.turn = Turn(Phase.STOPPED, why="stopped by order")
             case executive.Paused():
+                self.interrupts = False
                 self.recorder.note(RecordKind.PHASE, phase=Phase.PAUSED.value, why="the current goal is done")
             case executive.Completed():
                 self.turn = Turn(Phase.FINISHED)

@@ -96,7 +96,9 @@ def _hear_orders(course: Course, command: Command) -> str | None:
         if given.order in (Order.STOP, Order.ABORT):
             course.driver.halt()
             raise Ended(Turn(Phase.STOPPED, why="stopped by order"))
-        if given.order is not Order.ANSWER:
+        if given.order in (Order.INTERRUPT, Order.CONTINUE):
+            course.heed(given.order)
+        elif given.order is not Order.ANSWER:
             course.pending.append(given)
         elif command.asks and given.text in command.choices:
             course.recorder.note(RecordKind.REPLY, command=command.number, text=given.text, data={})

@@ -131,5 +131,6 @@ def _standing(course: Progress, made: Ready, numbers: Sequence[int], now_ms: int
         number: (stream, frozenset(places[each] for each in awaited if each in places))
         for number, (stream, awaited) in old.waits.items()
     }
-    fresh = standing_of(made.compiled.program, now_ms, old.number, old.phase, (), running)
-    return replace(fresh, waits=waits, unrested=old.unrested, frozen=old.frozen)
+    program = made.compiled.program
+    fresh = standing_of(program, now_ms, old.number, old.phase, (), running, unrested=old.unrested)
+    return replace(fresh, waits=waits, frozen=old.frozen)

@@ -9,7 +9,7 @@ from engine.model.execution import Order, Phase, RecordKind
 from engine.model.outcome import Found
 from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.choosing import others
-from engine.pipelines.execution.compiling import unit_ms
+from engine.pipelines.execution.compiling import full_hands, unit_ms
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
 from engine.pipelines.execution.orders import Given
 from engine.pipelines.execution.planned import Ready, again
@@ -61,7 +61,9 @@ def changed(course: Progress, scope: Scope, given: Given, limits: Limits) -> tup
     new = joined(course, found, made)
     if given.order is Order.ADD:
         return found, new
-    return found, replace(new, standing=replace(new.standing, phase=Phase.READY, frozen=False))
+    full = full_hands(found.problem, new.ready.plan.steps, ahead(course).facts)
+    standing = replace(new.standing, phase=Phase.READY, frozen=False, unrested=full)
+    return found, replace(new, standing=standing)
 
 
 def _step(here: _Pause, text: str) -> StepId:

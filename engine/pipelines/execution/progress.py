@@ -17,6 +17,7 @@ from engine.pipelines.simulation.world import achievement
 from engine.ports import Driver
 from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
+from engine.stages.execution.outlook import Accuracy
 from engine.stages.macros.lifted.world import StepChange
 from kb.terms import Atom
 
@@ -30,6 +31,8 @@ LONG = (
     "order",
     "dwells",
     "running",
+    "full",
+    "ahead",
 )  # what of a plan's record grows with the plan, or is true only once
 VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
 
@@ -110,6 +113,8 @@ class Progress:
         None  # the program with steps that were done before the run was taken up again
     )
     turn: Turn | None = None
+    accuracy: Accuracy = field(default_factory=Accuracy)  # of the forecasts of this run, as far as it is
+    interrupts: bool = False  # it was told to pause, and has not yet
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
@@ -196,7 +201,7 @@ class Progress:
         self.written.done.add(activity)
         if self.compiled.program.timed:
             self.since.update(dict.fromkeys(new, self.standing.now_ms))
-        self._look_at_the_forecast(activity)
+        self._look_at_the_forecast(activity, ended.started_ms)
         self.sent.pop(ended.number, None)
         work = achievement(len(self.history) + 1, self.replies.step(activity), new, moved)
         if self.memory.keeps(work):
@@ -213,9 +218,10 @@ class Progress:
         for chain, _, atom in moved:
             self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
 
-    def _look_at_the_forecast(self, activity: int) -> None:
+    def _look_at_the_forecast(self, activity: int, started_ms: int) -> None:
         """Ask for a review of the plan if this step has ended much later, or sooner, than it was forecast to."""
         each = self.compiled.program.activities[activity]
+        self.accuracy = self.accuracy.after(self.standing.now_ms - started_ms, each.lasts_ms)
         off = self.standing.now_ms - (each.start_ms + each.lasts_ms)
         if abs(off - self.off_ms) >= self.calm * max(NOTICED_MS, each.lasts_ms // 10):
             self.off_ms, self.review = off, self.review or OTHERWISE

@@ -12,7 +12,8 @@ from engine.pipelines.execution.adding import wished
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.scope import Scope
-from engine.stages.execution import Activity, Dwell, Program
+from engine.stages.execution import Activity, Dwell, Program, Standing
+from engine.stages.execution.outlook import Accuracy, outlook
 from engine.stages.macros.lifted.world import StepChange
 from kb.asp import ground_term
 from kb.model.conditions import goal_parts
@@ -31,6 +32,7 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "why": why,
         **steps_entry(ready.compiled),
         "timed": program.timed,
+        "hands": sorted(program.hands),
         "forecast_ms": program.forecast_ms,
         "goals": list(map(str, goal_parts(scope.problem.goal))),
         "given_up": [[each.goal, each.why] for each in scope.given_up],
@@ -39,6 +41,13 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "blocked": list(map(str, scope.blocked)),
         **({"wishes": wishes} if (wishes := wished(scope.problem)) else {}),
     }
+
+
+def standing_entry(program: Program, standing: Standing, accuracy: Accuracy) -> dict[str, Any]:
+    """How a plan stands when it is noted: the hands that are full, and within which times its next steps will begin."""
+    windows = outlook(program, standing, accuracy).items()
+    ahead = [[each, w.start_ms, w.low_ms, w.high_ms] for each, w in windows if w is not None]
+    return {"full": sorted(standing.unrested), "ahead": ahead}
 
 
 def steps_entry(
@@ -124,8 +133,9 @@ _ground = lru_cache(1 << 10)(ground_term)
 def compiled_of(entry: Mapping[str, Any]) -> Compiled:
     """The program of a plan that a record has."""
     steps = {each["id"]: each for each in entry["steps"]}
-    activities = {number: _activity(each) for number, each in steps.items()}
-    program = Program(activities, tuple(Dwell(*each) for each in entry["dwells"]), entry["timed"])
+    activities = {number: activity_of(each) for number, each in steps.items()}
+    dwells, hands = tuple(Dwell(*each) for each in entry["dwells"]), frozenset(entry.get("hands", ()))
+    program = Program(activities, dwells, entry["timed"], hands=hands)
     plan = Plan(tuple(_step(steps[number]) for number in entry["order"]))
     return Compiled(
         program,
@@ -144,7 +154,8 @@ def scope_of(scope: Scope, entry: Mapping[str, Any]) -> Scope:
     return replace(found.cut(entry["chains"], entry["goals"]), given_up=given_up)
 
 
-def _activity(each: Mapping[str, Any]) -> Activity:
+def activity_of(each: Mapping[str, Any]) -> Activity:
+    """A step in the record of a plan as the executive sees it."""
     return Activity(
         each["id"],
         each["step"],

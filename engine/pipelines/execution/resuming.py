@@ -12,10 +12,12 @@ from engine.model.execution import Order, Phase, Record, RecordKind
 from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.progress import Written, head_of
-from engine.pipelines.execution.records import read_atom, scope_of
+from engine.pipelines.execution.records import activity_of, read_atom, scope_of
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.simulation import Achievement, Memory, World
 from engine.pipelines.simulation.world import achievement
+from engine.stages.execution import unrested_after
+from engine.stages.execution.outlook import Accuracy
 from kb.terms import Atom
 
 Content = Mapping[str, Any]
@@ -60,6 +62,9 @@ class Past:
     checkpoint: int = 0  # the number of the last one
     told: int = 0  # so much of the history was written before it
     entire: Callable[[], Compiled] | None = None  # the last plan with steps that a checkpoint has left out
+    accuracy: Accuracy = field(default_factory=Accuracy)
+    steps_by_number: dict[int, Content] = field(default_factory=dict)  # of the plan
+    unrested: frozenset[str] = frozenset()  # hands that hold something on the way to a goal
     replans: bool = False  # the last plan leads nowhere any more
     added: str = ""
     additions: list[dict[str, Any]] = field(
@@ -103,6 +108,7 @@ class Past:
             for number, step in content.get("running", ())
         }
         self.paused = self.replans = False
+        self.unrested = frozenset(content.get("full", ()))
         self.follow(content, record.number)
 
     def _closed(self) -> None:
@@ -126,6 +132,7 @@ class Past:
     def follow(self, content: Content, number: int) -> None:
         """The plan in the record of this number is the one that is followed."""
         self.plan, self.plan_number = content, number
+        self.steps_by_number = {each["id"]: each for each in content["steps"]}
         self.scope = scope_of(self.scope, content)
         self.world.chains = self.scope.problem.chains
         for chain in self.world.chains:
@@ -158,12 +165,20 @@ class Past:
         for chain, number, _ in moved:
             self.world.reached[chain] = number
         self.done[content["step"]] = record.at_ms
+        self._ended(content["step"], record.at_ms - content["started_ms"])
         if self.plan is not None and self.plan["timed"]:
             self.since.update(dict.fromkeys(fresh, record.at_ms))
         self.sent.pop(content["command"], None)
         work = achievement(len(self.history) + 1, read_atom(content["action"]), fresh, moved)
         if self.memory.keeps(work):
             self.history.append(work)
+
+    def _ended(self, step: int, lasted_ms: int) -> None:
+        """Follow what is in the hands, and how long steps take beside their forecasts."""
+        if self.plan is not None and (entry := self.steps_by_number.get(step)) is not None:
+            activity = activity_of(entry)
+            self.unrested = unrested_after(self.unrested, activity, self.plan.get("hands", ()))
+            self.accuracy = self.accuracy.after(lasted_ms, activity.lasts_ms)
 
     def corrected(self, record: Record) -> None:
         """The world model was corrected."""

@@ -19,6 +19,7 @@ from engine.pipelines.simulation import Dynamics, WorldState
 from engine.pipelines.timetable import keeping, operators_of
 from engine.pipelines.troubleshooting.recovery import recover
 from engine.stages.execution import Program, Standing
+from engine.stages.execution.outlook import in_order
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
 from engine.stages.planning.improvement.deorder import deorder
@@ -122,7 +123,7 @@ def _times(program: Program, standing: Standing, now_ms: int) -> tuple[Mapping[i
     ends = {each: max(now_ms, since + lasts[each]) for each, since in under_way.items()}
     free = {r: ends[each] for each in under_way for r in program.activities[each].resources}
     begins: dict[int, int] = {}
-    for each in _open(program, standing):
+    for each in in_order(program, standing):
         activity = program.activities[each]
         times = [now_ms, *(ends[b] for b in activity.after if b in ends)]
         times += [free[r] for r in activity.resources if r in free]
@@ -130,19 +131,6 @@ def _times(program: Program, standing: Standing, now_ms: int) -> tuple[Mapping[i
         ends[each] = begins[each] + lasts[each]
         free |= dict.fromkeys(activity.resources, ends[each])
     return begins, ends
-
-
-def _open(program: Program, standing: Standing) -> list[int]:
-    """The activities that have not begun, in the order of the forecast."""
-    order = {each: place for place, each in enumerate(program.activities)}
-    waiting, found = list(standing.ready), set(standing.ready)
-    waiting += [each.activity for each in standing.running.values()]
-    while waiting:
-        fresh = [each for each in program.successors[waiting.pop()] if each not in found]
-        found.update(fresh)
-        waiting += fresh
-    found -= {each.activity for each in standing.running.values()}
-    return sorted(found, key=lambda each: (program.activities[each].start_ms, order[each]))
 
 
 def _others(course: Progress, scope: Scope, limits: Limits, late: bool) -> Iterator[Ready]:

@@ -6,7 +6,7 @@ from typing import Any
 from engine.model.execution import Finish, Order, Phase, RecordKind
 from engine.pipelines.execution.adding import addition, extended, wished
 from engine.pipelines.execution.checkpoints import rest_of, state_of
-from engine.pipelines.execution.compiling import Compiled, queued
+from engine.pipelines.execution.compiling import Compiled, full_hands, queued
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
@@ -15,7 +15,7 @@ from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.progress import EVERY, Checkpoint, Turn
 from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import compiled_of, end_entry, plan_entry, read_atom
+from engine.pipelines.execution.records import compiled_of, end_entry, plan_entry, read_atom, standing_entry
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.reviewing import chosen, reviewed
 from engine.pipelines.execution.scope import Scope
@@ -57,12 +57,18 @@ class Execution:
         """Execute a first plan to the end of the run. `scope` says which of the goals it is for; all, if it is not given."""
         scope = scope or Scope(self.problem)
         compiled = queued(ready.compiled, self.driver.lookahead)
-        standing = standing_of(compiled.program, self.driver.now_ms(), 1)
+        full = full_hands(ready.problem, ready.plan.steps, world.state.facts)
+        standing = standing_of(compiled.program, self.driver.now_ms(), 1, unrested=full)
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
         if ready.notes:
             self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
-        course.planned(plan_entry(ready, "first", scope))
+        course.planned(
+            {
+                **plan_entry(ready, "first", scope),
+                **standing_entry(compiled.program, standing, course.accuracy),
+            }
+        )
         return self.guarded(course, scope, approve)
 
     def resume(self, past: Past) -> Finish:
@@ -197,13 +203,19 @@ class Execution:
         """Go on with another plan: with nothing done of it, or from a `standing` in which steps of it are under way."""
         self.steps += len(course.done)
         compiled = queued(found.compiled, self.driver.lookahead)
-        fresh = standing or standing_of(compiled.program, self.driver.now_ms(), course.standing.number)
+        fresh = standing or self._rested(course, scope, found, compiled)
         running = [[number, each.activity] for number, each in sorted(fresh.running.items())]
-        course.planned({**plan_entry(found, why, scope), **({"running": running} if running else {})})
+        entry = {**plan_entry(found, why, scope), **standing_entry(compiled.program, fresh, course.accuracy)}
+        course.planned({**entry, **({"running": running} if running else {})})
         course.world.chains = scope.problem.chains
         for chain in scope.problem.chains:
             course.world.reached.setdefault(chain.name, 0)
         course.follow(compiled, fresh)
+
+    def _rested(self, course: Course, scope: Scope, found: Ready, compiled: Compiled) -> Standing:
+        """The standing in which nothing of a plan is done. What is in a hand may be on its way to a goal."""
+        full = full_hands(scope.problem, found.plan.steps, course.world.facts)
+        return standing_of(compiled.program, self.driver.now_ms(), course.standing.number, unrested=full)
 
     def _changed(self, course: Course, handler: ExceptionHandler, given: Given) -> Finish | None:
         """What an order at a pause makes of the plan. An order that cannot be followed is told, and nothing changes."""

@@ -57,6 +57,7 @@ def _send_again(course: Course, past: Past, reports: Sequence[Report]) -> None:
             past.done,
             running,
             past.done,
+            standing.unrested,
         )
 
 
@@ -81,9 +82,8 @@ def _command(entry: Content) -> Command:
 def standing_again(compiled: Compiled, past: Past, now_ms: int) -> Standing:
     """Where the last plan of a run stood when its journal ended: what was done, and what was under way."""
     running = {number: Running(entry["step"], at_ms) for number, (entry, at_ms) in past.under_way().items()}
-    return standing_of(
-        compiled.program, now_ms, past.next_number, Phase.RUNNING, past.done, running, past.done
-    )
+    phase, number, unrested = Phase.RUNNING, past.next_number, frozenset(past.unrested)
+    return standing_of(compiled.program, now_ms, number, phase, past.done, running, past.done, unrested)
 
 
 def restore(course: Course, past: Past) -> None:
@@ -92,4 +92,5 @@ def restore(course: Course, past: Past) -> None:
     course.entire = past.entire
     course.sent = {number: (dict(entry), at_ms) for number, (entry, at_ms) in past.sent.items()}
     course.noted, course.since = course.recorder.last, dict(past.since)
+    course.accuracy = past.accuracy
     course.done, course.history = set(past.done), past.history

@@ -27,7 +27,7 @@ from engine.stages.execution.events import (
 )
 from engine.stages.execution.machine import TIMEOUT, advance, next_time, waits
 from engine.stages.execution.program import Activity, Dwell, Program
-from engine.stages.execution.standing import Running, Standing, standing_of
+from engine.stages.execution.standing import Running, Standing, standing_of, unrested_after
 
 __all__ = [
     "TIMEOUT",
@@ -58,5 +58,6 @@ __all__ = [
     "advance",
     "next_time",
     "standing_of",
+    "unrested_after",
     "waits",
 ]

@@ -8,7 +8,7 @@ from engine.stages.execution import events as e
 from engine.stages.execution.dispatch import dispatched
 from engine.stages.execution.estimate import soonest
 from engine.stages.execution.program import Program
-from engine.stages.execution.standing import Running, Standing, deadline
+from engine.stages.execution.standing import Running, Standing, deadline, unrested_after
 
 Step = tuple[Standing, tuple[e.Effect, ...]]
 TIMEOUT = "timeout"
@@ -31,7 +31,7 @@ def next_time(program: Program, standing: Standing) -> int | None:
             if standing.dwelling
             else []
         )
-    if standing.phase is Phase.RUNNING and program.timed:
+    if standing.phase in (Phase.RUNNING, Phase.INTERRUPTING) and program.timed and not standing.frozen:
         times += [program.activities[each].start_ms for each in standing.ready]
     times += [moment for when in standing.dwelling.values() for moment in (when, when + 1)]
     return min((each for each in times if each > now), default=None)
@@ -57,7 +57,7 @@ def _going_on(program: Program, standing: Standing) -> Step:
     standing, threats = _watched(program, standing)
     if standing.finished(program) and not standing.running:
         return replace(standing, phase=Phase.FINISHED), (*sent, *threats, e.Completed())
-    if standing.phase is Phase.INTERRUPTING and _is_still(program, standing):
+    if standing.phase is Phase.INTERRUPTING and standing.frozen and _is_still(program, standing):
         return replace(standing, phase=Phase.PAUSED), (*sent, *threats, e.Paused())
     return standing, (*sent, *threats)
 
@@ -141,11 +141,6 @@ def _ended(program: Program, standing: Standing, number: int) -> Standing:
             partly[later] = left
         else:
             ready.add(later)
-    unrested = standing.unrested
-    if not activity.process:
-        unrested = (
-            unrested - set(activity.resources) if activity.rests else unrested | set(activity.resources)
-        )
     dwelling = {dwell: until for dwell, until in standing.dwelling.items() if dwell.target not in begun}
     dwelling |= {dwell: standing.now_ms + dwell.most_ms for dwell in program.ending_in.get(activity_id, ())}
     return replace(
@@ -154,7 +149,7 @@ def _ended(program: Program, standing: Standing, number: int) -> Standing:
         busy=_released_by(standing, activity_id),
         ready=frozenset(ready),
         open=partly,
-        unrested=unrested,
+        unrested=unrested_after(standing.unrested, activity, program.hands),
         dwelling=dwelling,
         done=standing.done + 1,
     )
@@ -271,6 +266,7 @@ TABLE: Mapping[tuple[Phase, type[e.Event]], Move] = {
     **{(phase, e.Failed): _failed for phase in ACTIVE},
     **{(phase, e.Passed): _passed for phase in ACTIVE},
     **{(phase, e.Withdrawn): _withdrawn for phase in ACTIVE},
+    (Phase.READY, e.Interrupted): _interrupted,
     (Phase.RUNNING, e.Interrupted): _interrupted,
     (Phase.INTERRUPTING, e.Continued): _began,
     (Phase.PAUSED, e.Continued): _began,

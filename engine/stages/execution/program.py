@@ -48,13 +48,15 @@ class Dwell:
 class Program:
     """All activities by number. Where it is `timed`, none begins before its forecast.
 
-    `lookahead` says how many commands a stream takes at once; 1 for streams that are not named.
+    `lookahead` says how many commands a stream takes at once; 1 for streams that are not named. `hands` are the resources
+    that work as hands; where none are named, every resource counts as one.
     """
 
     activities: Mapping[int, Activity]
     dwells: tuple[Dwell, ...] = ()
     timed: bool = False
     lookahead: Mapping[str, int] = field(default_factory=dict)
+    hands: frozenset[str] = frozenset()
 
     @cached_property
     def successors(self) -> Mapping[int, tuple[int, ...]]:

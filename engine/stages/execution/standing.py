@@ -23,7 +23,7 @@ class Standing:
     `ready` are the activities whose predecessors have ended; `open` counts, for the others that have lost some, how many
     they still wait for. `heads` is the place of the first activity in the queue of each resource that has not begun, `ahead`
     are those behind it that have. `busy` says who holds a resource (the last one, if several are queued in one stream).
-    `resting` are resources whose last activity rests; `frozen` those that an interruption keeps from beginning anything.
+    `unrested` are hands that hold something on the way to a goal; while it is `frozen`, no hand begins anything.
     `waits` are the WAITs that were sent, with the activities that they wait for. `dwelling` are deadlines of waits.
     """
 
@@ -57,6 +57,7 @@ def standing_of(
     done: Collection[int] = (),
     running: Mapping[int, Running] | None = None,
     ends: Mapping[int, int] | None = None,
+    unrested: frozenset[str] = frozenset(),
 ) -> Standing:
     """The standing of a program in which some activities are done (`ends`: when, for waits) and some are running."""
     underway = dict(running or {})
@@ -77,7 +78,7 @@ def standing_of(
     }
     dwelling = _dwelling(program, ends or {}, begun)
     return Standing(
-        phase, now_ms, number, frozenset(ready), partly, underway, busy, heads, ahead, {}, frozenset(),
+        phase, now_ms, number, frozenset(ready), partly, underway, busy, heads, ahead, {}, unrested,
         False, dwelling, done=len(finished),
     )  # fmt: skip
 
@@ -109,3 +110,13 @@ def _heads(program: Program, begun: Collection[int]) -> tuple[dict[str, int], fr
 def deadline(activity: Activity, since_ms: int) -> int | None:
     """When an activity without a reply counts as failed."""
     return None if activity.timeout_ms is None else since_ms + activity.timeout_ms
+
+
+def unrested_after(
+    unrested: frozenset[str], activity: Activity, hands: Collection[str] = ()
+) -> frozenset[str]:
+    """The hands that hold something on the way to a goal when an activity has ended; without `hands`, all resources count."""
+    if activity.process:
+        return unrested
+    used = frozenset(each for each in activity.resources if not hands or each in hands)
+    return unrested - used if activity.rests else unrested | used

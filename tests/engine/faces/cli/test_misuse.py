@@ -27,8 +27,13 @@ def refused(*arguments: str) -> str:
     return str(envelope["diagnostics"][0]["message"])
 
 
+BUFFERED = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+
+
 def run(*arguments: str, **how: Any) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run([*COMMAND, *arguments], timeout=60, check=False, **{"capture_output": True, **how})
+    """A command as people start it: what Python could not write is tried again at the very end."""
+    given = {"capture_output": True, "env": BUFFERED, **how}
+    return subprocess.run([*COMMAND, *arguments], timeout=60, check=False, **given)
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ def test_a_name_is_found_as_a_whole_word_only() -> None:
 
 def test_a_choice_is_told(run: Watched) -> None:
     assert "waits for: pick(a)" in told_of(run, "heat(a)")
+    assert told_of(run, "pick(a)")[0] == "step 1, planned, begins 0 s"
     assert "brings: hot(a)" in told_of(run, "heat(a)")
     assert "held at the start" in told_of(run, "free")
     assert told_of(run, "") == []

@@ -80,3 +80,23 @@ def test_every_line_that_is_told_is_short_and_plain() -> None:
     lines = [line for record in RECORDS + FAILED for line in narrated(record)]
     assert lines[-1] == "17 s: all goals are reached"
     assert all("\n" not in line for line in lines)
+
+
+def test_the_display_shows_when_the_next_steps_begin_as_far_as_that_can_be_said() -> None:
+    lasts = [8_000, 12_000, 900_000, 5_000]
+    steps = [
+        {"id": n, "step": f"step_{n}", "stream": "arm", "after": [n - 1] if n > 1 else [], "lasts_ms": each,
+         "start_ms": sum(lasts[: n - 1])}
+        for n, each in enumerate(lasts, 1)
+    ]  # fmt: skip
+    text = shown([Record(1, 0, RecordKind.PLAN, {**PLAN, "steps": steps})], width=100).partition("next step")[
+        2
+    ]
+    lines = {
+        each: next(line for line in text.splitlines() if each in line)
+        for each in ("step_1", "step_3", "step_4")
+    }
+    assert "0 s" in lines["step_1"]
+    assert "s sooner or later" in lines["step_3"]
+    assert "later" in lines["step_4"]
+    assert "sooner" not in lines["step_4"]

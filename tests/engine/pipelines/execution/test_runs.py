@@ -2,6 +2,7 @@
 
 import pytest
 
+from engine.formats.report.narration import narrated
 from engine.model.execution import Order, RecordKind
 from engine.pipelines.execution import Given, Timed
 from engine.pipelines.simulator import Injection
@@ -83,6 +84,28 @@ def test_an_interruption_pauses_with_empty_hands_and_the_run_goes_on_when_told()
     assert paused.at_ms == 25_000  # the probe that was in the gripper is in the furnace
     assert [each.content["stream"] for each in between] == []
     assert ending.outcome == "reached"
+
+
+@pytest.mark.parametrize("at_ms", [10_000, 400_000])
+def test_a_pause_is_noted_once_whether_it_comes_at_once_or_later(at_ms: int) -> None:
+    orders = Timed([(at_ms, Given(Order.INTERRUPT)), (950_000, Given(Order.CONTINUE))])
+    _, records, _ = executed("themse/one", orders=orders)
+    said = [line for each in records for line in narrated(each) if "paused" in line]
+    assert len(said) == 1
+
+
+def test_a_stop_is_told_once() -> None:
+    _, records, _ = executed("themse/one", orders=Timed([(5_000, Given(Order.STOP))]))
+    said = [line for each in records for line in narrated(each) if "stopped" in line]
+    assert len(said) == 1
+
+
+def test_what_an_order_begins_is_sent_before_anything_is_waited_for() -> None:
+    orders = Timed([(10_000, Given(Order.INTERRUPT)), (100_000, Given(Order.CONTINUE))])
+    _, records, _ = executed("themse/one", orders=orders)
+    begun = [each.content["started_ms"] for each in of(records, RecordKind.DONE)]
+    ended = next(each for each in of(records, RecordKind.DONE) if each.content["started_ms"] == 100_000)
+    assert (begun.count(100_000), ended.at_ms) == (1, 103_000)
 
 
 def test_a_pause_that_nobody_ends_is_the_end() -> None:

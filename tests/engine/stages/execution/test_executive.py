@@ -204,6 +204,30 @@ def test_an_interruption_waits_until_the_hand_is_empty() -> None:
     assert (bench.standing.phase, bench.begun[3], bench.ended[4]) == (Phase.FINISHED, 20, 50)
 
 
+def test_a_hand_that_is_full_and_waits_for_a_process_is_not_a_pause() -> None:
+    pick = Activity(1, "pick", "arm", 5, (), ("arm", "probe"), rests=False)
+    oven = Activity(2, "heat", "oven", 50, (), ("oven",), process=True)
+    put = Activity(3, "put", "arm", 5, (1, 2), ("arm", "oven"), 50)
+    more = Activity(4, "press", "arm", 5, (3,), ("arm",), 55)
+    bench = Bench(replace(program(pick, oven, put, more), hands=frozenset({"arm"})))
+    bench.take(x.Began())
+    bench.now = 2
+    bench.take(x.Interrupted())
+    bench.run(until=100)
+    assert (bench.standing.phase, sorted(bench.begun), bench.ended[3]) == (Phase.PAUSED, [1, 2, 3], 55)
+
+
+def test_a_hand_that_is_full_and_waits_for_its_time_is_not_a_pause() -> None:
+    pick = Activity(1, "pick", "arm", 5, (), ("arm",), rests=False)
+    put = Activity(2, "put", "arm", 5, (1,), ("arm",), 20)
+    more = Activity(3, "press", "arm", 5, (2,), ("arm",), 25)
+    bench = Bench(program(pick, put, more, timed=True))
+    bench.take(x.Began())
+    bench.take(x.Interrupted())
+    bench.run(until=100)
+    assert (bench.standing.phase, bench.begun) == (Phase.PAUSED, {1: 0, 2: 20})
+
+
 def test_a_stop_halts_at_once_and_nothing_begins_any_more() -> None:
     bench = Bench(
         program(Activity(1, "a", "arm", 5, (), ("arm",)), Activity(2, "b", "arm", 5, (1,), ("arm",), 5))

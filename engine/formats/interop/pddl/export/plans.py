@@ -1,6 +1,6 @@
 """Translation of plans between an export and its problem: our operator instances as PDDL actions, and back."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 
 from engine.formats.interop.pddl.export.flat import Flat
@@ -8,7 +8,6 @@ from engine.formats.interop.pddl.export.names import PddlNames
 from engine.formats.interop.pddl.export.operators import FlatOperator
 from engine.formats.interop.pddl.export.stages import BEGIN, REACH, named
 from engine.formats.interop.pddl.expressions import actions
-from engine.model.histories import reached_by
 from engine.model.replay import instances, replayed
 from engine.model.stages import REACHES, stage_atom
 from engine.model.task import GroundOperator, Task
@@ -17,7 +16,7 @@ from kb.files import File
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.model.workflow import reaches
-from kb.terms import Function, Number, Term, Text, Variable, substitute
+from kb.terms import Atom, Function, Number, Term, Text, Variable, substitute
 
 
 def _sequence(instances: list[Function], task: Task) -> Plan:
@@ -74,7 +73,6 @@ class LiftedPlans:
         """The steps of the plan in order, each with all arguments of its action, and behind it what moves chains then."""
         by_name = {each.operator.name: each for each in self.operators.values()}
         steps = iter(plan.steps)
-        known = {chain.name: reached_by(plan, chain) for chain in self.problem.chains}
         lines: list[str] = []
         for operator in _followed(plan, self.task):
             if operator.instance.name == REACHES:
@@ -82,7 +80,7 @@ class LiftedPlans:
                 continue
             step = next(steps)
             lines += self._beginnings(operator)
-            words = self._arguments(by_name[step.operator.name], step, known)
+            words = self._arguments(by_name[step.operator.name], step, set(self.task.names(operator.adds)))
             lines.append(self._line(step.operator.name, words))
         return "".join(f"({line})\n" for line in lines)
 
@@ -106,9 +104,8 @@ class LiftedPlans:
         place = (named(chain), Number(count.value - 1), count)
         return self._line(f"{REACH}_{stage.name}", (*fluent.arguments, *place))
 
-    def _arguments(
-        self, operator: FlatOperator, step: Step, known: Mapping[str, Mapping[int, StepId]]
-    ) -> Iterator[Term]:
+    def _arguments(self, operator: FlatOperator, step: Step, reached: Set[Atom]) -> Iterator[Term]:
+        """The arguments of an action; `reached` are the atoms that the step makes true, stages of chains among them."""
         yield from step.operator.arguments
         variables = operator.operator.variables
         bindings: dict[Variable, Term] = dict(zip(variables, step.operator.arguments, strict=False))
@@ -117,7 +114,7 @@ class LiftedPlans:
             atom = substitute(event, bindings)
             for chain in self.problem.chains:
                 for count, stage in enumerate(chain.stages):
-                    if stage == atom and known[chain.name].get(count + 1) == step.id:
+                    if stage == atom and stage_atom(chain, count + 1) in reached:
                         yield from (named(chain), Number(count), Number(count + 1))
 
 
