@@ -104,7 +104,10 @@ def test_what_is_in_the_way_is_named_unless_the_place_may_be_touched() -> None:
     small = replace(block, shapes=(PlacedShape(Box((0.1, 0.1, 0.24))),))
     touching = replace(cell, bodies={**cell.bodies, "block": small})
     assert "touches block" in reason(touching, place(T))
-    assert isinstance(Reachability(World.of(touching), BACKEND).at(place(T, touches=("block",))), Reached)
+    allowed = place(T, touches=("block",))
+    assert "touches block" in reason(touching, allowed)
+    deep = replace(allowed, depth_m=1.0)
+    assert isinstance(Reachability(World.of(touching), BACKEND).at(deep), Reached)
 
 
 def test_the_approach_must_be_reached_too(cell: Cell) -> None:
