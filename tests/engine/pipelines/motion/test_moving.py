@@ -73,7 +73,7 @@ def pressing(site: Site, depth_m: float) -> Leg:
     place = site.world.cell.places["meas(m2)"]
     x, y, _ = place.placement.pose.position_m
     lower = replace(place.placement, pose=replace(place.placement.pose, position_m=(x, y, 0.004)))
-    place = replace(place, placement=lower, depth_m=depth_m)
+    place = replace(place, placement=lower)
     answer = site.reach.at(place)
     assert isinstance(answer, Reached)
     checker = site.reach.checker(place)
@@ -81,7 +81,8 @@ def pressing(site: Site, depth_m: float) -> Leg:
     q = answer.q[0]
     line = straight(hand, q, hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -place.approach_m))
     assert not isinstance(line, Broken)
-    return leg_of(APPROACH, line, place, site.reach)
+    assert isinstance(site.reach.at(replace(place, depth_m=depth_m)), Reached) == (depth_m > 0.004)
+    return leg_of(APPROACH, line, replace(place, depth_m=depth_m), site.reach)
 
 
 def test_what_touches_by_intention_is_proved_pair_by_pair(bulkhead: Site) -> None:
