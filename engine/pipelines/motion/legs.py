@@ -88,6 +88,6 @@ def _what_blocks(ground: Ground, line: Floats, name: str) -> str:
 def leg_of(kind: str, line: Floats, place: Place, reach: Reachability) -> Leg:
     """The leg of a line out of a place (m, k), or into it, with what touches on it by intention."""
     path = line if kind == RETRACT else line[::-1].copy()
-    pairs = touches(Ground(reach.meeting(place)), path, place.depth_m)
+    pairs = touches(Ground.paired(reach.meeting(place)), path, place.depth_m)
     proved_all = all(each.proved for each in pairs)
     return Leg(kind, path, proved_all, Ground(reach.checker(place)), touches=pairs)

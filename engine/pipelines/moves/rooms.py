@@ -132,7 +132,7 @@ class Room:
     def _meeting(self, place: Place) -> Ground:
         key = (place.arm, place.tool, place.touches)
         if key not in self._meetings:
-            self._meetings[key] = Ground(self.reach.meeting(place))
+            self._meetings[key] = Ground.paired(self.reach.meeting(place))
         return self._meetings[key]
 
     def collides(self, place: Place, q: Floats) -> Truths:

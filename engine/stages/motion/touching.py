@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.geometry.proof import Proof, proved
+from engine.kernels.geometry.proof import proved
 from engine.model.geometry import Contact, Floats
 from engine.model.motion import FINEST_M
 from engine.ports import MotionGround
@@ -57,8 +57,9 @@ class _Seen:
 
 def touches(ground: MotionGround, path: Floats, allowed_m: float) -> tuple[Touch, ...]:
     """The pairs that touch on a path (m, k), and those that may for all that is known; each with its proof."""
-    proof, seen = ground.proof(0.0, FINEST_M), _Seen(allowed_m)
-    left = _from_first_touch(proof, _from_first_touch(proof, path)[::-1])[::-1]
+    seen, finest_m = _Seen(allowed_m), max(FINEST_M, allowed_m / 5)
+    left = _from_first_touch(ground, path, finest_m)[::-1]
+    left = _from_first_touch(ground, left, finest_m)[::-1]
     seen.note(ground.contacts(left[0]), 0.0)
     for first, second in pairwise(left):
         _go_through(ground, first, second, seen)
@@ -70,9 +71,12 @@ def touches(ground: MotionGround, path: Floats, allowed_m: float) -> tuple[Touch
     )
 
 
-def _from_first_touch(proof: Proof, path: Floats) -> Floats:
+def _from_first_touch(ground: MotionGround, path: Floats, finest_m: float) -> Floats:
     """The rest of a path (m, k) from where it is not proved any more that nothing touches: its end alone if all of it is."""
     path = np.ascontiguousarray(path)
+    if ground.collides(path[:1])[0]:
+        return path
+    proof = ground.proof(0.0, finest_m)
     lines = proved(proof, path)
     if lines == len(path) - 1:
         return path[-1:]

@@ -38,6 +38,11 @@ class Ground:
             travelled(joints),
         )
 
+    @classmethod
+    def paired(cls, checker: CollisionChecker) -> "Ground":
+        """The ground of a checker of few pairs: the built-in kernels look at each pair, and their depths are exact."""
+        return cls(BuiltinChecker(checker.scene))
+
     @property
     def scene(self) -> Scene:
         """What is checked."""
