@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow laws long check golden bench fuzz mutation wheel clean
+.PHONY: demo test slow laws long check golden bench faults fuzz mutation wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -52,7 +52,7 @@ golden: $(VENV)/ready
 # Measured on CELLWRIGHT_DATA, beside other planners and geometry libraries that are installed for this alone.
 export CELLWRIGHT_DATA ?= ../shared/data
 PEERS := .peers
-MEASURED := kinematics collision scheduling poses diagnosis macros reuse states execution faults
+MEASURED := kinematics collision scheduling poses diagnosis macros reuse states execution inspection
 
 $(PEERS)/ready: $(VENV)/ready
 	$(PYTHON) -m venv $(PEERS)
@@ -64,7 +64,17 @@ bench: $(PEERS)/ready
 	$(BIN)/python benchmarks/plan.py
 	$(BIN)/python benchmarks/planning.py --peers $(PEERS)/bin/python
 	missed=0; $(BIN)/python benchmarks/sequencing.py --peers || missed=1; \
-	for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; exit $$missed
+	for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; \
+	$(MAKE) faults || missed=1; exit $$missed
+
+# The fault matrix, and two faults in one run; it goes on where it stopped. SAMPLES=100 SEED=2 make faults
+SAMPLES ?= 1000
+
+faults: $(VENV)/ready
+	missed=0; $(BIN)/python benchmarks/faults.py --json .venv/faults.json || missed=1; \
+	for each in run recovery test; do \
+	$(BIN)/python benchmarks/faults.py --second $$each --samples $(SAMPLES) --seed $(SEED) --json .venv/faults.json || missed=1; \
+	done; rm .venv/faults.json; exit $$missed
 
 # Mutated inputs for every reader; it goes on where it stopped. MINUTES=60 SEED=2 make fuzz
 MINUTES ?= 10

@@ -102,13 +102,13 @@ def kernels() -> list[Extension]:
 
 
 def _kernel(types: Path) -> Extension:
-    """The module beside a file of types. It may have a file of C, too, with the same name and the ending `.h`."""
-    name, header = ".".join(types.with_suffix("").parts), types.with_suffix(".h")
+    """The module beside a file of types. It may have files of C, too, whose names begin with its own and end in `.h`."""
+    name, headers = ".".join(types.with_suffix("").parts), sorted(types.parent.glob(f"{types.stem}*.h"))
     sources, depends = [types.with_suffix(".py").as_posix()], [types.as_posix()]
-    if not header.is_file():
+    if not headers:
         return _extension(name, sources, depends)
     written_out = ["-O3"] if POSIX else []  # its loops over a few vectors are better written out
-    return _extension(name, sources, [*depends, header.as_posix()], written_out)
+    return _extension(name, sources, [*depends, *(each.as_posix() for each in headers)], written_out)
 
 
 def _extension(name: str, sources: list[str], depends: list[str], flags: Sequence[str] = ()) -> Extension:

@@ -23,7 +23,7 @@ from typing import Any
 
 from engine.model.execution import Record, RecordKind
 from engine.pipelines.execution import Execution, Timed
-from engine.pipelines.execution.begin import Ledger
+from engine.pipelines.execution.begin import Ledger, Wanted, document
 from engine.pipelines.execution.checkpoints import past_of
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.planned import ready
@@ -32,7 +32,7 @@ from engine.pipelines.execution.records import compiled_of
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import standing_again
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Simulator
 from engine.pipelines.simulator.driver import Settings
 from kb.loader import load
@@ -124,8 +124,9 @@ def run(folder: Path, steps: int) -> dict[str, float]:
         driver = Simulator(HiddenCell(problem, None), Settings())
         recorder = Recorder(Ledger(journal, "blink"), driver.now_ms, [meter])
         execution = Execution("blink", problem, driver, recorder, Timed())
+        recorder.note(RecordKind.RUN, **document(Wanted("blink"), problem))
         started, worked = time.perf_counter(), time.process_time()
-        ending = execution.start(program, World.of(problem, situation_of(problem).state))
+        ending = execution.start(program, SymbolicWorld.of(problem, situation_of(problem).state))
         seconds, work = time.perf_counter() - started, time.process_time() - worked
     assert ending.outcome == "reached", ending
     return {
@@ -164,7 +165,7 @@ def resumed(folder: Path) -> float:
     problem = problem_in(folder)
     with Journal(str(folder / "runs.db")) as journal:
         started = time.perf_counter()
-        begun = Past(World.of(problem, situation_of(problem).state), Scope(problem))
+        begun = Past(SymbolicWorld.of(problem, situation_of(problem).state), Scope(problem))
         past = past_of(journal, "blink", begun)
         assert past.plan is not None
         standing = standing_again(compiled_of(past.plan), past, past.at_ms)

@@ -1,8 +1,9 @@
 """The fault matrix: every cause of a fault base, injected at every step where it can show; how each run ends.
 
-    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--json FILE] [TARGET ...]
+    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--jobs N] [--json FILE] [TARGET ...]
 
-Without `--samples` the whole matrix. `--second` injects another fault: anywhere in the run, at a step of the recovery from the
+Without `--samples` the whole matrix; with it, so many runs in all, as many of each target. `--jobs` runs so many at the same
+time. `--second` injects another fault: anywhere in the run, at a step of the recovery from the
 first, or at a step that prepares a test or a repair. With `--json` what was run is kept there, and the next call goes on behind
 it. The plan is made once; each run is in a simulated cell of its own, on the virtual clock. A run
 passes if it ends with the goals reached, also in the cell as it really is, or with a reason for each goal that is not, and if no
@@ -12,11 +13,13 @@ command is carried out twice. Exits with 1 if one does not pass, or if the plan 
 import argparse
 import gc
 import json
+import os
 import random
 import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -28,7 +31,7 @@ from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import read_atom
 from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Injection, Simulator, possible
 from engine.pipelines.simulator.driver import Settings, fault_base
 from kb.model.faults import FaultModel
@@ -87,7 +90,11 @@ class Setting:
         cell = HiddenCell(self.problem, self.base, tuple(faults), seed)
         driver, kept = Simulator(cell, Settings(seed)), Kept()
         run = Execution("x", self.problem, driver, Recorder(kept, driver.now_ms), Timed(), self.base)
-        return run.start(self.ready, World.of(self.problem, situation_of(self.problem).state)), kept, cell
+        return (
+            run.start(self.ready, SymbolicWorld.of(self.problem, situation_of(self.problem).state)),
+            kept,
+            cell,
+        )
 
 
 def fault_of(setting: Setting, ending: Finish, kept: Kept, cell: HiddenCell) -> str:
@@ -166,50 +173,73 @@ class Tally:
             self.file.write_text(json.dumps(self.known, indent=1) + "\n", "utf-8")
 
 
-def row(setting: Setting, asked: argparse.Namespace, tally: Tally) -> tuple[dict[str, object], int]:
-    """The row of the table for a target, and how many runs ended wrong."""
+def chosen(setting: Setting, asked: argparse.Namespace, count: int | None) -> dict[str, Injection]:
+    """The first faults of the runs of a target, by what their results are kept under."""
     chance = random.Random(f"{asked.seed} {setting.target}")
     faults = setting.matrix()
+    if count is not None and asked.second is None:
+        faults = chance.sample(faults, min(count, len(faults)))
+    elif count is not None:
+        faults = chance.choices(faults, k=count)
+    return {f"{setting.target} {asked.second or ''} {asked.seed} {n} {f}": f for n, f in enumerate(faults)}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A run of a setting, with a first fault and perhaps a second one. What it draws depends on its key only."""
+
+    setting: Setting
+    where: Second | None
+    seed: int
+
+    def __call__(self, each: tuple[str, Injection]) -> tuple[str, str]:
+        """How the run ends, and what is wrong with it."""
+        key, fault = each
+        chance = random.Random(key)  # so that a campaign that goes on draws the same
+        more = second(self.setting, fault, self.where, chance, self.seed) if self.where else []
+        return tried(self.setting, [fault, *more], self.seed)
+
+
+def row(setting: Setting, asked: argparse.Namespace, count: int | None, tally: Tally) -> int:
+    """Print the row of the table for a target; how many of its runs ended wrong."""
     left, used = setting.uncovered()
-    wrong = len(used)
     if left:
         print(f"  {setting.target}: no exception is about {', '.join(left)}", flush=True)
-    chosen = faults if asked.samples is None else chance.choices(faults, k=asked.samples)
-    if asked.samples is not None and asked.second is None:
-        chosen = chance.sample(faults, min(asked.samples, len(faults)))
-    counted: Counter[str] = Counter()
-    began = time.perf_counter()
-    for number, fault in enumerate(chosen):
-        key = f"{setting.target} {asked.second or ''} {asked.seed} {number} {fault}"
-        if key not in tally.known:
-            own = random.Random(key)  # so that a campaign that goes on draws the same
-            more = second(setting, fault, asked.second, own, asked.seed) if asked.second else []
-            tally.note(key, tried(setting, [fault, *more], asked.seed))
-        outcome, found = tally.known[key]
-        counted[outcome] += 1
-        if found:
-            wrong += 1
-            print(f"  {key}: {found}", flush=True)
+    began, faults = time.perf_counter(), chosen(setting, asked, count)
+    fresh = [each for each in faults.items() if each[0] not in tally.known]
+    with ProcessPoolExecutor(asked.jobs, initializer=gc.set_threshold, initargs=(100_000,)) as pool:
+        found = pool.map(Sample(setting, asked.second, asked.seed), fresh)
+        for (key, _), result in zip(fresh, found, strict=True):
+            tally.note(key, result)
+    results = [tally.known[key] for key in faults]
+    wrong = [f"  {key}: {tally.known[key][1]}\n" for key in faults if tally.known[key][1]]
+    sys.stdout.writelines(wrong)
+    said = {
+        "target": setting.target,
+        "cases": len(setting.matrix()),
+        "operators without an exception": len(left),
+    }
     seconds = round(time.perf_counter() - began, 1)
-    said = {"target": setting.target, "cases": len(faults), "operators without an exception": len(left)}
-    return {**said, "run": len(chosen), "seconds": seconds, **counted}, wrong
+    counted = Counter(outcome for outcome, _ in results)
+    print(json.dumps({**said, "run": len(faults), "seconds": seconds, **counted}), flush=True)
+    return len(used) + len(wrong)
 
 
 def main() -> int:
     """Run the matrix and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("targets", nargs="*", default=TARGETS)
     parser.add_argument("--samples", type=int)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--second", type=Second, choices=list(Second))
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    gc.set_threshold(100_000)  # as the commands do
-    wrong, tally = 0, Tally.of(asked.json)
-    for target in asked.targets:
-        made, failed = row(Setting.of(target), asked, tally)
-        wrong += failed
-        print(json.dumps(made), flush=True)
+    tally, many = Tally.of(asked.json), len(asked.targets)
+    share = None if asked.samples is None else -(-asked.samples // many)
+    wrong = sum(row(Setting.of(target), asked, share, tally) for target in asked.targets)
     return 1 if wrong else 0
 
 

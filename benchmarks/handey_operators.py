@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from engine.kernels.arrays import Floats
-from engine.kernels.rigid import rotation, transform
+from engine.kernels.rigid import apply, rotation, transform
 from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.holding import Reach, with_hand
 from engine.pipelines.placing.looking import look
@@ -41,7 +41,7 @@ def script(seed: int) -> Script:
     """An operator's run; every other seed spoils."""
     random = np.random.default_rng(seed)
     while True:
-        scene = _lying(random, str(random.choice(["south", "south_east"])))
+        scene = lying(random, str(random.choice(["south", "south_east"])))
         found, _ = place(scene, "wheel", "base", seed)
         if isinstance(found, Placed) and len(found.carries) == 1:
             break
@@ -59,9 +59,13 @@ def script(seed: int) -> Script:
     if spoils == "laid down wrongly":
         way = (taken, above, Shifted("wheel", _table(random) @ RESTS["north"]))
     if spoils == "something on the goal":
-        T = state.T_goal.copy()
-        T[:3, 3] += [random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), 0.0]
-        way = (taken, Shifted("brick", transform(np.eye(3), T[:3, 3] + [0.05, 0.0, 0.04])), above)
+        at = apply(state.T_goal, volume_and_centre(WHEEL)[1][None])[0]
+        at += [random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), 0.0]
+        way = (
+            taken,
+            Shifted("brick", transform(np.eye(3), np.array([*at[:2], state.T_goal[2, 3] + 0.04]))),
+            above,
+        )
     return Script(state, way, spoils)
 
 
@@ -70,7 +74,8 @@ def _table(random: np.random.Generator) -> Floats:
     return transform(T, np.array([random.uniform(0.4, 0.48), random.uniform(0.1, 0.17), 0.0]))
 
 
-def _lying(random: np.random.Generator, facet: str) -> Scene:
+def lying(random: np.random.Generator, facet: str) -> Scene:
+    """The scene with the wheel on one of its facets, in a drawn place."""
     bodies = SCENE.cell.bodies
     at = Placement("world", transforms.to_pose(_table(random) @ RESTS[facet]))
     return replace(
@@ -84,7 +89,7 @@ def _useless(state: Watched) -> Floats | None:
     task = state.site.task("wheel", (state.T_world_part, state.T_goal))
     useless = possible(task, state.T_world_part) & ~possible(task, state.T_goal)
     for n in np.nonzero(useless)[0]:
-        width = task.holds.grasps[task.holds.grasp_of[n]].width_m
+        width = task.holds.grasps[task.holds.grasp_of[n]].opening
         reach = Reach(with_hand(task.world, task.scene, task.holds.jaws, width), task.scene.hand.arm)
         found = reach.configurations(state.T_world_part @ task.holds.poses[n], task.world.configuration)
         if len(found):

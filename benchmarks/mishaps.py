@@ -15,28 +15,27 @@ import json
 import random
 import resource
 import shutil
-import socket
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from controllers import Manners, Server, ahead, at_reply, later
+
 from engine.model.execution import Finish, Record, RecordKind
 from engine.pipelines.controllers import ControllerDriver
-from engine.pipelines.controllers.link import Patience, Place
-from engine.pipelines.controllers.serving import Cell, Conversation
+from engine.pipelines.controllers.link import Patience
 from engine.pipelines.execution import Execution, Timed, Wanted, named, resume
 from engine.pipelines.execution.begin import Ledger, document
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import fault_base, simulator
 from engine.ports import Driver, DriverSetup
 from kb.diagnostics import InvalidInput
@@ -45,7 +44,6 @@ from kb.store.journal import Journal
 
 HURRY = Patience(5, 2, 0.2, 1.5)
 TELLS = ("reached", "partly")
-Lines = list[bytes]
 
 
 class Gone(BaseException):
@@ -72,7 +70,7 @@ class Setting:
         recorder.note(RecordKind.RUN, **document(wanted, self.problem))
         base = fault_base(self.problem)
         execution = Execution(wanted.run, self.problem, driver, recorder, Timed(), base)
-        return execution.start(self.ready, World.of(self.problem, situation_of(self.problem).state))
+        return execution.start(self.ready, SymbolicWorld.of(self.problem, situation_of(self.problem).state))
 
     def setup(self, wanted: Wanted) -> DriverSetup:
         """What the cell of a run is made for."""
@@ -201,71 +199,25 @@ def disk(setting: Setting, times: int, seed: int) -> Iterator[tuple[str, str]]:
                 yield f"stopped, told, {outcome}", wrong
 
 
-class Server:
-    """A controller in this process, whose lines go through `manners`; it is told how many questions it has heard."""
-
-    def __init__(self, setting: Setting, manners: Callable[[int, Lines], Lines | None]) -> None:
-        self.cell, self.manners, self.heard = Cell(DriverSetup(setting.problem, "", 0, 0.0, {})), manners, 0
-        self.listener = socket.create_server(("127.0.0.1", 0))
-        self.place = Place("", "127.0.0.1", self.listener.getsockname()[1])
-        threading.Thread(target=self._serve, daemon=True).start()
-
-    def _serve(self) -> None:
-        with suppress(OSError):
-            while True:
-                line, _ = self.listener.accept()
-                with line, suppress(OSError):
-                    self._converse(line)
-
-    def _converse(self, line: socket.socket) -> None:
-        conversation = Conversation(self.cell)
-        for text in line.makefile("rb"):
-            self.heard += 1
-            said = self.manners(self.heard, conversation.answers(text))
-            if said is None:
-                line.shutdown(socket.SHUT_RDWR)
-                return
-            line.sendall(b"".join(said))
-
-
-def instead(change: Callable[[bytes], Lines], number: int = 3) -> Callable[[int, Lines], Lines]:
-    """Something else in the place of the reply to one command."""
-
-    def is_it(text: bytes) -> bool:
-        content = json.loads(text)
-        return bool(content["type"] == "reply" and content["number"] == number)
-
-    return lambda _, lines: [new for each in lines for new in (change(each) if is_it(each) else [each])]
-
-
-def _later(line: bytes) -> Lines:
-    return [json.dumps({**json.loads(line), "at_ms": 99_999_999}).encode() + b"\n"]
-
-
-def _ahead(line: bytes) -> Lines:
-    content = json.loads(line)
-    return [json.dumps({**content, "number": content["number"] + 1}).encode() + b"\n", line]
-
-
 # what a controller does, and which trouble or exception has to be told, and how the run may end
-MANNERS: Mapping[str, tuple[Callable[[int, Lines], Lines | None], str, tuple[str, ...]]] = {
+MANNERS: Mapping[str, tuple[Manners, str, tuple[str, ...]]] = {
     "behaves": (lambda _, lines: lines, "", ("reached",)),
     "hangs": (lambda heard, lines: lines if heard < 8 else [], "lost", ("stopped",)),
     "dies": (lambda heard, lines: lines if heard < 8 else None, "lost", ("stopped",)),
     "dies and is back": (lambda heard, lines: None if heard in (6, 11, 12) else lines, "", ("reached",)),
-    "answers twice": (instead(lambda line: [line, line]), "repeated", ("reached",)),
-    "answers out of order": (instead(_ahead), "strange", ("reached",)),
-    "answers late": (instead(_later), "late", (*TELLS, "stopped")),
-    "says garbage beside": (instead(lambda line: [b"\xff{{\n", line]), "garbage", ("reached",)),
-    "says garbage instead": (instead(lambda _: [b"{}\n"]), "timeout", (*TELLS, "stopped")),
-    "says nothing": (instead(lambda _: []), "timeout", (*TELLS, "stopped")),
+    "answers twice": (at_reply(3, lambda line: [line, line]), "repeated", ("reached",)),
+    "answers out of order": (at_reply(3, ahead), "strange", ("reached",)),
+    "answers late": (at_reply(3, later), "late", (*TELLS, "stopped")),
+    "says garbage beside": (at_reply(3, lambda line: [b"\xff{{\n", line]), "garbage", ("reached",)),
+    "says garbage instead": (at_reply(3, lambda _: [b"{}\n"]), "timeout", (*TELLS, "stopped")),
+    "says nothing": (at_reply(3, lambda _: []), "timeout", (*TELLS, "stopped")),
 }
 
 
 def controller(setting: Setting, _times: int, _seed: int) -> Iterator[tuple[str, str]]:
     """What came of each kind of controller, and what is wrong."""
     for name, (manners, wanted_told, endings) in MANNERS.items():
-        server, records = Server(setting, manners), list[Record]()
+        server, records = Server(setting.problem, manners), list[Record]()
         with tempfile.TemporaryDirectory() as folder:
             wanted = setting.wanted(Path(folder))
             with Journal(wanted.store) as journal:

@@ -69,8 +69,12 @@ class MotionGround(CollisionChecker, Protocol):
         """
         ...
 
-    def proximal(self, joints: Collection[int]) -> "MotionGround":
-        """The ground of what these joints alone move, against what stands still. All else is left out."""
+    def changing(self, moving: Collection[int]) -> tuple[frozenset[int], ...]:
+        """For each pair of the scene, which of the moving joints change how far apart it is; none if that is not known."""
+        ...
+
+    def only(self, rows: Sequence[int]) -> "MotionGround":
+        """The ground of some pairs of the scene, given by their numbers. All else is left out."""
         ...
 
     def changed_since(self, before: "MotionGround") -> "MotionGround | None":
@@ -119,6 +123,18 @@ class GeometryBackend(Protocol):
 
     def checker(self, scene: Scene) -> CollisionChecker:
         """The checker for a scene. Raises `ValueError` when the backend cannot represent the scene."""
+        ...
+
+    def checker_of_few(self, scene: Scene) -> CollisionChecker:
+        """The same for a scene with few pairs, without what makes many pairs quick."""
+        ...
+
+
+class Gripper(Protocol):
+    """A hand that takes parts: what of it may meet other things. Its frame lies between the tips, z to the part, x as it closes."""
+
+    def blocks(self, opening: Sequence[float]) -> tuple[Floats, Floats]:
+        """Middles (n, 3) and half extents (n, 3) of blocks along the hand's axes, opened for a grasp and a clearance beside it."""
         ...
 
 

@@ -38,6 +38,18 @@ def amount(term: Term | None, bindings: Substitution, default: int) -> int | Non
     return value.value if isinstance(value, Number) else None
 
 
+def wraps(term: Term) -> bool:
+    """Whether a sum, a difference or a product in a ground term is too large, so that its value wraps around."""
+    if not isinstance(term, Operation):
+        return False
+    left, right = evaluate(term.left), evaluate(term.right)
+    if isinstance(left, Number) and isinstance(right, Number) and term.operator in _EXACT:
+        exact = _EXACT[term.operator](left.value, right.value)
+        if exact != _wrapped(exact):
+            return True
+    return wraps(term.left) or wraps(term.right)
+
+
 def compare(left: Term, relation: str, right: Term) -> bool:
     """Whether a ground comparison is true; false if a side has no value."""
     one, other = evaluate(left), evaluate(right)

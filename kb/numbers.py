@@ -2,11 +2,14 @@
 
 import math
 import re
+import sys
 
 LARGEST = 1e15  # whole numbers up to here are exact as floating-point numbers, too
 DIGITS = 40  # characters of a number
+PLAIN_DIGITS = 400  # characters of any floating-point number that is written without an exponent
 WHOLE = re.compile(r"[+-]?[0-9]+")
-DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+# linear: there is only one way to split the digits
+DECIMAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 
 COUNT = re.compile(r"[0-9]{1,15}")
@@ -26,11 +29,21 @@ def whole(text: str, least: int | None = None, most: int = int(LARGEST)) -> int:
     return int(value)
 
 
-def decimal(text: str, most: float = LARGEST) -> float:
-    """The number that a text is: at most `most` in size. Raises `NumberError`."""
+def decimal(text: str, most: float = LARGEST, longest: int = DIGITS) -> float:
+    """The number that a text of at most `longest` characters is: at most `most` in size. Raises `NumberError`."""
     if not DECIMAL.fullmatch(text):
         raise NumberError("is not a number")
-    return _in_range(float(_short(text)), most)
+    return _in_range(float(_short(text, longest)), most)
+
+
+def finite(text: str) -> float:
+    """The number that a text is, of any size that is finite. Raises `NumberError`."""
+    return decimal(text, sys.float_info.max, PLAIN_DIGITS)
+
+
+def is_number(value: object, most: float = LARGEST) -> bool:
+    """Whether a plain value, such as one of a JSON text, is a number from -`most` to `most`; NaN and truth values are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -most <= value <= most
 
 
 def is_count(text: str) -> bool:
@@ -38,9 +51,9 @@ def is_count(text: str) -> bool:
     return COUNT.fullmatch(text) is not None
 
 
-def _short(text: str) -> str:
-    if len(text) > DIGITS:
-        raise NumberError(f"has more than {DIGITS} characters")
+def _short(text: str, longest: int = DIGITS) -> str:
+    if len(text) > longest:
+        raise NumberError(f"has more than {longest} characters")
     return text
 
 

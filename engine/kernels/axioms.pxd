@@ -8,8 +8,11 @@ cdef class Closure:
     cdef int[::1] watched, missing, queue
     cdef readonly int[::1] by
 
-    @cython.locals(rule=int, layer=int, after="unsigned char[::1]")
+    @cython.locals(after=bytearray)
     cpdef bytes close(self, const unsigned char[::1] state)
+
+    @cython.locals(rule=int, layer=int)
+    cpdef void complete(self, unsigned char[::1] after) noexcept
 
     @cython.locals(place=int, atom=int, rule=int)
     cdef void _begin(self, unsigned char[::1] after) noexcept

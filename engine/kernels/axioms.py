@@ -46,6 +46,11 @@ class Closure:
     def close(self, state: bytes) -> bytes:
         """The state with exactly those derived atoms that follow from its fluents."""
         after = bytearray(state)
+        self.complete(after)
+        return bytes(after)
+
+    def complete(self, after: bytearray) -> None:
+        """Gives a state exactly those derived atoms that follow from its fluents."""
         self._begin(after)
         rule = 0
         for layer in range(self.depth):
@@ -55,7 +60,6 @@ class Closure:
                 rule += 1
             self._spread(layer, after)
             self._negate(layer, after)
-        return bytes(after)
 
     def _begin(self, after: bytearray) -> None:
         """Takes all derived atoms out, and puts the fluents that rules read in the queue."""

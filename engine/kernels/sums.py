@@ -50,13 +50,30 @@ class Comparisons:
                 found[atom >> 3] |= 1 << (atom & 7)
         return bytes(found)
 
-    def add(self, values: "array[int]") -> None:
+    def add(self, values: "array[int] | memoryview[int]") -> None:
         """Adds up all sums, into `totals`."""
         for index in range(self.count):
-            total = self.constants[index]
-            for place in range(self.starts[index], self.starts[index + 1]):
-                total += self.factors[place] * values[self.places[place]]
-            self.totals[index] = total
+            self.totals[index] = self._total(index, values)
+
+    def look(self, index: int, values: "memoryview[int]", atoms: bytearray) -> None:
+        """Sets the atom of one comparison in a row of bytes, and its other atom, as the values are."""
+        held = _holds(self._total(index, values), self.relations[index])
+        _put(atoms, self.atoms[index], held)
+        _put(atoms, self.others[index], not held)
+
+    def _total(self, index: int, values: "array[int] | memoryview[int]") -> int:
+        total = self.constants[index]
+        for place in range(self.starts[index], self.starts[index + 1]):
+            total += self.factors[place] * values[self.places[place]]
+        return total
+
+
+def _put(atoms: bytearray, atom: int, held: bool) -> None:
+    """Sets or clears an atom in a row of bytes; none if the number is -1."""
+    if atom >= 0 and held:
+        atoms[atom >> 3] |= 1 << (atom & 7)
+    elif atom >= 0:
+        atoms[atom >> 3] &= 255 ^ (1 << (atom & 7))
 
 
 def _holds(total: int, relation: int) -> bool:
@@ -92,7 +109,7 @@ class Repetitions:
         self.gains, self.costs = array("q", gains), array("q", costs)
         self.found = array("q", bytes(8 * max(self.count, 1)))
 
-    def needed(self, values: "array[int]") -> "array[int]":
+    def needed(self, values: "array[int] | memoryview[int]") -> "array[int]":
         """The cost of as many steps as each repetition needs; NEVER if no number of them is enough."""
         found = self.found
         self.comparisons.add(values)

@@ -12,7 +12,7 @@ from functools import cached_property
 from engine.kernels.axioms import Closure
 from engine.kernels.bits import Bits, bitset, indices
 from engine.kernels.sums import Comparisons
-from engine.model.quantities import RELATIONS, Change, Comparing, Met, helps, values_of
+from engine.model.quantities import RELATIONS, Assignment, Comparing, Met, helps, values_of
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,17 @@ class Axioms:
         return [self.complements[atom] for atom in atoms if atom in self.complements]
 
     @cached_property
-    def read(self) -> Bits:
-        """The fluents on which derived atoms depend."""
+    def read_by_rules(self) -> Bits:
+        """The atoms that are in bodies of rules."""
         found = 0
         for rule in self.rules:
             found |= rule.body
-        return found & ~self.derived
+        return found
+
+    @cached_property
+    def read(self) -> Bits:
+        """The fluents on which derived atoms depend."""
+        return self.read_by_rules & ~self.derived
 
     def may_change(self, moved: Bits) -> bool:
         """Whether derived atoms depend on one of these atoms, which became true or false; values of quantities come last."""
@@ -83,7 +88,8 @@ class Axioms:
         return (self.size + 7) // 8
 
     @cached_property
-    def _closure(self) -> Closure:
+    def closure(self) -> Closure:
+        """The rules as a compiled kernel."""
         negated: list[list[tuple[int, int]]] = [[] for _ in range(1 + max(self.layers.values(), default=0))]
         for atom, layer in self.layers.items():
             if atom in self.complements:
@@ -115,7 +121,7 @@ class Axioms:
         """The values of all quantities in a state, by their numbers. There must be comparisons."""
         return values_of(state, self._met, self._quantities)
 
-    def helps(self, changes: tuple[Change, ...]) -> Bits:
+    def helps(self, changes: tuple[Assignment, ...]) -> Bits:
         """The comparisons that changes of quantities may make true, and those that they may make false."""
         return helps(changes, self.tests, self.complements) if changes else 0
 
@@ -128,12 +134,12 @@ class Axioms:
         return self._followed(state & fluents | compared) | state >> self.size << self.size
 
     def _followed(self, state: Bits) -> Bits:
-        return int.from_bytes(self._closure.close(state.to_bytes(self._width, "little")), "little")
+        return int.from_bytes(self.closure.close(state.to_bytes(self._width, "little")), "little")
 
     def support(self, state: Bits, conditions: Bits) -> Bits:
         """Fluents of a closed state which make its atoms `conditions` true in every state that has these fluents."""
         self.closed(state)
-        by = self._closure.by
+        by = self.closure.by
         found, seen, waiting = 0, 0, conditions
         while waiting:
             own = waiting & self.derived

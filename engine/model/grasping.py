@@ -3,6 +3,8 @@
 A hand's frame lies between its finger tips: x is the direction in which the jaws close, z points from the hand to the part.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -29,9 +31,9 @@ class ParallelJaws:
     force_n: float = 40.0
     clearance_m: float = 0.004
 
-    def blocks(self, width_m: float) -> tuple[Floats, Floats]:
+    def blocks(self, opening: Sequence[float]) -> tuple[Floats, Floats]:
         """Middles (4, 3) and half extents (4, 3) of the fingers, cross-piece and sensor, opened for a width and a clearance."""
-        half, pad = width_m / 2 + self.clearance_m + self.thick_m / 2, self.pad_m / 2
+        half, pad = opening[0] / 2 + self.clearance_m + self.thick_m / 2, self.pad_m / 2
         back = pad - self.finger_m
         finger = (self.thick_m / 2, pad, self.finger_m / 2)
         middles = [
@@ -44,20 +46,69 @@ class ParallelJaws:
         return np.array(middles), np.array(halves)
 
 
+@dataclass(frozen=True, slots=True)
+class ThreeFingers:
+    """A hand with a palm and three round fingers of diameter `thick_m` that close one by one, as Barrett's.
+
+    One finger comes from -x. The others stand `thick_m` to both sides of the x axis and come from +x, each turned outwards by the
+    spread: at 0 they are parallel, at 60 degrees all three come from evenly around. Otherwise it is as `ParallelJaws`.
+    """
+
+    opening_m: float
+    pad_m: float
+    finger_m: float
+    thick_m: float
+    cross_m: tuple[float, float, float]
+    sensor_m: tuple[float, float, float]
+    friction: float = 0.4
+    force_n: float = 40.0
+    clearance_m: float = 0.004
+    spreads_rad: tuple[float, ...] = tuple(math.radians(each) for each in (0, 15, 30, 45, 60))
+
+    def ways(self, spread_rad: float) -> tuple[Floats, Floats]:
+        """Where the fingers' ways begin (3, 2), and the outward directions (3, 2) in which they open, in the plane of x and y."""
+        c, s = math.cos(spread_rad), math.sin(spread_rad)
+        begins = np.array([(0.0, 0.0), (0.0, self.thick_m), (0.0, -self.thick_m)])
+        return begins, np.array([(-1.0, 0.0), (c, s), (c, -s)])
+
+    def blocks(self, opening: Sequence[float]) -> tuple[Floats, Floats]:
+        """Middles (5, 3) and half extents (5, 3) of blocks around fingers, palm and sensor.
+
+        `opening` is the width, the way of each finger (m) and the spread (rad).
+        """
+        begins, outwards = self.ways(opening[4])
+        tips = begins + outwards * (np.array(opening[1:4]) + self.clearance_m + self.thick_m / 2)[:, None]
+        back = self.pad_m / 2 - self.finger_m
+        fingers = np.column_stack([tips, np.full(3, self.pad_m / 2 - self.finger_m / 2)])
+        palm = [
+            (0.0, 0.0, back - self.cross_m[2] / 2),
+            (0.0, 0.0, back - self.cross_m[2] - self.sensor_m[2] / 2),
+        ]
+        finger = np.array([self.thick_m / 2, self.thick_m / 2, self.finger_m / 2])
+        halves = np.array([*[finger] * 3, np.array(self.cross_m) / 2, np.array(self.sensor_m) / 2])
+        return np.concatenate([fingers, palm]), halves
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasp:
-    """Two parallel facets held at opposite points; the hand may turn about the line through these.
+    """Two parallel facets held at opposite points, about whose line the hand may turn; or three facets, held by three fingers.
 
     `T_part_hand` (n, 4, 4) are the hand's poses at the turns that were looked at, evenly spread over a whole turn, and `free`
     (n,) says at which the hand touches nothing but the two facets. `torque_margin` is the torque that the pads hold over that
-    of the weight, at its worst.
+    of the weight, at its worst; of three fingers, how many times the weight they hold, whichever way it pulls.
     """
 
-    facets: tuple[str, str]
+    facets: tuple[str, ...]
     width_m: float
     T_part_hand: Floats
     free: Truths
     torque_margin: float
+    fingers: tuple[float, ...] = ()
+
+    @property
+    def opening(self) -> tuple[float, ...]:
+        """How the hand is opened: the width, and what three fingers have beside it (`ThreeFingers.blocks`)."""
+        return (self.width_m, *self.fingers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -81,8 +81,8 @@ class Unmoved:
     It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are,
     and whatever the arguments of the operator at the places `regardless` are.
 
-    `level` tells what refuses it: `reach` (no configuration at all), `contact` (every configuration touches something),
-    `approach` (there is no straight way in or out), or `way` (no way leads there).
+    `level` tells what refuses it: `sight` (a scanner does not see its patch), `reach` (no configuration at all), `contact` (every
+    configuration touches something), `approach` (there is no straight way in or out), or `way` (no way leads there).
     """
 
     step: StepId

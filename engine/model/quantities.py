@@ -107,7 +107,7 @@ class Comparing:
             found |= state & level.mask
         return found
 
-    def helped(self, change: "Change") -> tuple[bool, bool]:
+    def helped(self, change: "Assignment") -> tuple[bool, bool]:
         """Whether a change may make this true, and whether it may make it false."""
         factor = dict(self.sum.parts).get(change.level, 0)
         low, high = change.to.without(change.level).range()
@@ -129,21 +129,23 @@ def values_of(state: Bits, met: Met, count: int) -> "array[int]":
 
 
 @dataclass(frozen=True)
-class Change:
+class Assignment:
     """A step sets a quantity to the value of a sum in the state before."""
 
     level: Level
     to: Linear
 
 
-def changed(state: Bits, before: Bits, changes: tuple[Change, ...]) -> Bits:
+def changed(state: Bits, before: Bits, changes: tuple[Assignment, ...]) -> Bits:
     """A state with the new values of quantities; `before` is the state before the step."""
     for each in changes:
         state = state & ~each.level.mask | each.level.bit(each.to.of(before))
     return state
 
 
-def helps(changes: tuple[Change, ...], tests: tuple[Comparing, ...], complements: Mapping[int, int]) -> Bits:
+def helps(
+    changes: tuple[Assignment, ...], tests: tuple[Comparing, ...], complements: Mapping[int, int]
+) -> Bits:
     """The derived atoms that changes may make true, at once or in time, with complementary atoms."""
     found = 0
     for change in changes:

@@ -62,7 +62,8 @@ class Timetable:
 
     `shop` has a stage for each block of steps that serves an object, or for each step. `scope` says among what the
     makespan is the least, if that is proved. `note` says why steps are not scheduled as blocks, if they are not;
-    `unwatched` that nobody watches longest stays.
+    `unwatched` that nobody watches longest stays. `missed` are the measurements that begin outside their windows, each with
+    when it begins after the start of the tour.
     """
 
     plan: Plan
@@ -72,4 +73,5 @@ class Timetable:
     scope: str
     note: str = ""
     unwatched: bool = False
+    missed: Mapping[str, int] = field(default_factory=dict)
     statistics: Statistics = field(default_factory=Statistics)

@@ -7,7 +7,7 @@ from engine.kernels.bits import Bits as Bits
 from engine.kernels.bits import bitset as bitset
 from engine.kernels.bits import indices as indices
 from engine.model.axioms import Axioms
-from engine.model.quantities import Change, changed
+from engine.model.quantities import Assignment, changed
 from kb.terms import Atom, Function, Term
 
 
@@ -40,7 +40,7 @@ class GroundOperator:
     resources: tuple[Term, ...] = ()
     duration: int = 0
     cost: int = 1
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Assignment, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

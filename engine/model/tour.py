@@ -10,8 +10,8 @@ from engine.kernels.arrays import Floats as Floats
 from engine.kernels.arrays import Ints
 from engine.kernels.arrays import Longs as Longs
 from engine.model.metric import Metric
+from engine.model.windows import Window
 
-Window = tuple[int, int]
 ENDLESS = 2**40  # the end of a window that has none: later than any tour
 
 

@@ -52,7 +52,8 @@ class Hypothesis:
     `agreeing` is the share, of the pixels where the part would be seen and nothing is before it, that show its surface.
     `seen` is the share of its picture that shows it. `edged` is the share of its outline, as far as it is seen, where the
     surface ends. `pixels` counts the pixels that show it. `evidence` is twice the gain in log-likelihood over knowing nothing
-    of the part: what each pixel, and each place of the outline, is nearer than the farthest that still agrees.
+    of the part: what each pixel, and each place of the outline, is nearer than the farthest that still agrees. A pixel through which
+    something is seen that lies behind the part counts against it.
     """
 
     T_camera_part: Floats

@@ -60,21 +60,22 @@ def _value(made: Timetable) -> tuple[int, ...]:
 def _plans(problem: Problem, task: Task, outcome: Found, limits: Limits) -> Iterator[Plan]:
     """The plan, and others with other steps."""
     yield outcome.plan
-    done = sorted(str(step.operator) for step in outcome.plan.steps)
-    for other in _others(problem, task, outcome, limits):
-        if sorted(str(step.operator) for step in other.steps) != done:
-            yield other
+    yield from _others(problem, task, outcome, limits)
 
 
 def _others(problem: Problem, task: Task, outcome: Found, limits: Limits) -> Iterator[Plan]:
-    """The plan whose steps take least time, if it is soon found."""
+    """The plan whose steps take least time, if it is soon found and has other steps."""
     different = len({operator.duration for operator in task.operators if operator.duration}) > 1
     if not different or outcome.statistics.counts.get("expanded", 0) > SOON or limits.interrupted():
         return
     operators = tuple(replace(each, cost=each.duration + min(1, each.cost)) for each in task.operators)
     second = replace(limits, expansions=SECOND, thorough=False, strategy="auto")
     found = plan_task(replace(task, operators=operators), second)
-    if isinstance(found, Found):
+    if isinstance(found, Found) and _done(found.plan) != _done(outcome.plan):
         costs = {operator.instance: operator.cost for operator in task.operators}
         steps = tuple(replace(step, cost=costs[step.operator]) for step in found.plan.steps)
         yield accepted(problem, Plan(steps, found.plan.links))
+
+
+def _done(plan: Plan) -> list[str]:
+    return sorted(str(step.operator) for step in plan.steps)

@@ -70,7 +70,8 @@ def plan(
     Without an objective it is the makespan where steps of the plan take time, else the cost. Measurements are made in the
     order of the sequencer, unless the order is free.
     """
-    followed = sequenced(problem, limits) if order is Order.SEQUENCE else None
+    cheap = objective is Objective.COST
+    followed = sequenced(problem, limits, cheap=cheap) if order is Order.SEQUENCE else None
     if followed is not None:
         return followed
     outcome, task = planned(problem, limits)
@@ -78,9 +79,11 @@ def plan(
 
 
 def sequenced(
-    problem: Problem, limits: Limits, memory: "Memory | None" = None, store: str = ""
+    problem: Problem, limits: Limits, memory: "Memory | None" = None, store: str = "", cheap: bool = False
 ) -> Run | None:
     """The run of an inspection in the order of its sequence; None if the problem is none, or has no such plan.
+
+    Changes of tools and stations are ordered so that the plan is fast, or `cheap` first.
 
     MACROPs are found in `memory` and learned there, and a sequence is kept in `store`, if they are given.
     """
@@ -88,7 +91,7 @@ def sequenced(
         return None
     from engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
 
-    found = by_sequence(problem, limits, memory, store)
+    found = by_sequence(problem, limits, memory, store, cheap)
     if found is None:
         return None
     if not isinstance(found.outcome, Found) or not _lasts(found.outcome.plan):

@@ -3,8 +3,10 @@
 import re
 from pathlib import Path
 
+from engine.model.windows import missed, visits_of, windows_of
 from engine.stages.validation import validate
 from engine.stages.validation.claims import makespan, times
+from kb.asp.statics import evaluated
 from kb.diagnostics import Diagnostic
 from kb.files import File, read_file
 from kb.model.plan import Claims, Plan
@@ -27,6 +29,15 @@ def check_plan(
 def ending(made: Plan, claims: Claims | None = None) -> int:
     """When the last step ends; each starts when it is said to, else as soon as it can."""
     return makespan(made, times(made, claims or Claims()))
+
+
+def missed_windows(problem: Problem, made: Plan, claims: Claims | None = None) -> dict[str, int]:
+    """The measurements that begin outside their windows, each with its begin after that of the tour."""
+    word = problem.domain.conventions.window
+    if word not in problem.domain.predicates:
+        return {}
+    windows = windows_of(evaluated(problem).atoms(word, 3))
+    return missed(windows, visits_of(problem, made), times(made, claims or Claims())) if windows else {}
 
 
 def plan_in(file: Path) -> tuple[Problem, Plan]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from engine.model.execution import RecordKind
 from engine.pipelines.measuring import Measuring
+from engine.pipelines.past import reading_past
 from engine.pipelines.planning import problem_of
 from kb.asp import ground_term
 from kb.model.problem import Problem
@@ -26,8 +27,9 @@ def results_of(store: str, run: str) -> Results:
     with Journal(store) as journal:
         begun = journal.known(run)
         about = begun.document
-        problem = problem_of(about["target"], about.get("goals", ""), about.get("command", ""))
-        return read(begun, problem, journal.lines(run, kinds=KINDS))
+        problem = problem_of(*(str(about.get(each, "")) for each in ("target", "goals", "command")))
+        with reading_past(store, run):
+            return read(begun, problem, journal.lines(run, kinds=KINDS))
 
 
 def read(begun: Begun, problem: Problem, lines: Iterable[Line]) -> Results:

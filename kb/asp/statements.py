@@ -49,7 +49,7 @@ def statements(text: str, place: Place, pools: bool = False) -> Iterator[ParsedS
     messages, nodes = Messages(), list[ast.AST]()
     try:
         ast.parse_string(text, nodes.append, logger=messages)
-    except RuntimeError as error:
+    except (RuntimeError, UnicodeEncodeError) as error:  # half of a pair of surrogates is no character
         raise AspError(messages.heard or [(0, 0, str(error))]) from None
     for node in nodes:
         if node.ast_type not in _SILENT and str(node) != "#program base.":

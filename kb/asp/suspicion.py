@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 MAX_NESTING = 50
 MAX_OPERATIONS = 100
+MAX_PARTS = 10_000  # of one statement, between its commas and semicolons
 LARGEST = 2**31 - 1
 
 
@@ -30,22 +31,23 @@ def suspicion(text: str, longest: int = 65_536) -> Suspicion | None:
             0, f"longer than {longest} characters", "give long lists of facts in problems", "K007"
         )
     bare = _BLANKED.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
-    depth = operations = 0
+    depth = operations = parts = 0
     for found in _SUSPICIOUS.finditer(bare):
         sign = found[0]
         depth += (sign in "([{") - (sign in ")]}")
-        operations = 0 if sign in ",;." else operations + (sign in "-+*/\\~^?&|")
-        if why := _why(sign, depth, operations):
+        operations = 0 if sign in (",", ";", ".", "..") else operations + (sign in "-+*/\\~^?&|")
+        parts = 0 if sign == "." else parts + (sign in ",;")
+        if why := _why(sign, depth, operations, parts):
             return Suspicion(found.start(), *why)
     return None
 
 
 _ORDINARY = re.compile(r"(?:[a-zA-Z_(), ]|[0-9](?![0-9]{8}))*")
 _BLANKED = re.compile(r'%\*.*?\*%|%[^\n]*|"(?:\\.|[^"\\\n])*"', re.DOTALL)
-_SUSPICIOUS = re.compile(r"#\s*(?:include|script)\b|[0-9]{10,}|[][(){},;.~^?&|*/\\+-]|[^\x01-\x7f]")
+_SUSPICIOUS = re.compile(r"#\s*(?:include|script)\b|[0-9]{10,}|\.\.|[][(){},;.~^?&|*/\\+-]|[^\x01-\x7f]")
 
 
-def _why(sign: str, depth: int, operations: int) -> tuple[str, ...] | None:
+def _why(sign: str, depth: int, operations: int, parts: int) -> tuple[str, ...] | None:
     if sign.endswith("script"):
         return "#script is not allowed: domain files are data", "express it as rules"
     if sign.startswith("#"):
@@ -62,4 +64,6 @@ def _why(sign: str, depth: int, operations: int) -> tuple[str, ...] | None:
         return f"nested deeper than {MAX_NESTING} brackets", "no term needs so many", "K007"
     if operations > MAX_OPERATIONS:
         return f"more than {MAX_OPERATIONS} operations in one term", "compute it beforehand", "K007"
+    if parts > MAX_PARTS:
+        return f"more than {MAX_PARTS} parts in one statement", "write several statements", "K007"
     return None

@@ -44,7 +44,11 @@ def explain(
         piece = said[index]
         message = f"'{piece.text}' is not understood here"
         offset = piece.offset
-        near = _decimal(said, index) or _similar(piece, error.expected, domain, vocabulary)
+        near = (
+            _decimal(said, index)
+            or _family(piece, vocabulary)
+            or _similar(piece, error.expected, domain, vocabulary)
+        )
     else:
         message = "the command ends too early" if said else "the command is empty"
         offset = len(text.rstrip())
@@ -68,6 +72,17 @@ def _decimal(said: Sequence[Piece], index: int) -> str:
     if [piece.kind for piece in parts[:3]] != [NUMBER, "mark", NUMBER] or parts[1].text != ",":
         return ""
     return f"did you mean '{parts[0].text}.{parts[2].text} {parts[-1].text}'? decimals have a point"
+
+
+def _family(piece: Piece, vocabulary: Vocabulary) -> str:
+    """The objects that are called as a word with a number behind it, for "wall 3" and "both walls"."""
+    stems = (piece.lower, piece.lower.removesuffix("s"))
+    found = [name for name in vocabulary.objects if piece.lower and _without_number(name) in stems]
+    return f"there are {', '.join(sorted(found))}" if len(found) > 1 else ""
+
+
+def _without_number(name: str) -> str:
+    return name.rstrip("0123456789").rstrip("_").lower() if name[-1:].isdigit() else ""
 
 
 def _similar(piece: Piece, expected: frozenset[str], domain: Domain, vocabulary: Vocabulary) -> str:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-from kb.commands.rows import chosen
+from kb.commands.rows import Rows
 from kb.commands.tokens import Piece
 from kb.commands.vocabulary import Vocabulary
 from kb.commands.words import Mention, Unclear, Words
@@ -21,6 +21,7 @@ class References:
         self.vocabulary, self.domain, self.objects = vocabulary, vocabulary.domain, vocabulary.objects
         self.named: list[tuple[str, ...]] = []
         self.each: set[tuple[str, ...]] = set()  # named by "each" or "every", so that "it" means each of them
+        self.ranked: set[tuple[str, ...]] = set()  # named as the first ones, the last ones, ...
 
     def resolve(self, words: Words, type_: str) -> tuple[Function, ...]:
         """The objects meant, each once, in natural order. Raises `Unclear`."""
@@ -34,6 +35,8 @@ class References:
             self.named.append(tuple(dict.fromkeys(found)))
             if words.pieces[0].lower in ("each", "every"):
                 self.each.add(self.named[-1])
+            if [mention.how for mention in words.mentions] == ["ranked"]:
+                self.ranked.add(self.named[-1])
         return tuple(map(Function, unique))
 
     def _left(self, words: Words, type_: str, found: Sequence[str]) -> Sequence[str]:
@@ -132,7 +135,7 @@ class References:
         said = [piece.lower for piece in words.pieces]
         fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
         if not fitting:
-            hint = f"name it: {self._range(type_)}"
+            hint = f"name it: {self._range(type_)}" if self._of(type_) else self._range(type_)
             raise Unclear(offset, f"nothing before '{' '.join(said)}' is {self._article(type_)}", hint)
         last = fitting[-1]
         if said[0] in ("it", "this", "that"):
@@ -212,12 +215,12 @@ class References:
         """The objects at places of a row: of those that were named, or else of all, if these are numbered from 1 on."""
         said = " ".join(piece.text for piece in mention.pieces)
         named, whole = self._named_so_far(type_), self._of(type_)
-        rows = [named] if len(named) > 1 else []
-        if [_number(each) for each in whole] == [*range(1, len(whole) + 1)]:
-            rows.append(whole)
-        return chosen(rows, mention, said, self._range(type_))
+        numbered = [_number(each) for each in whole] == [*range(1, len(whole) + 1)]
+        ranked = named in self.ranked or all((each,) in self.ranked for each in named)
+        rows = Rows(named, whole if numbered else (), ranked, self._range(type_))
+        return rows.chosen(mention, said)
 
-    def _named_so_far(self, type_: str) -> Sequence[str]:
+    def _named_so_far(self, type_: str) -> tuple[str, ...]:
         """The last list of objects of a type, as they were said; single ones together, in the order in which they were."""
         fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
         if fitting and len(fitting[-1]) > 1:
@@ -273,8 +276,10 @@ class References:
 
     def _range(self, type_: str) -> str:
         names = self._of(type_)
+        if not names:
+            return f"give the command to a problem that has {self._article(type_)}: here there is none"
         shown = ", ".join(names) if len(names) <= 6 else f"{names[0]} to {names[-1]}"
-        return f"there {'is' if len(names) == 1 else 'are'} {shown or 'none'}"
+        return f"there {'is' if len(names) == 1 else 'are'} {shown}"
 
     def _article(self, type_: str) -> str:
         vowel = type_[0] in "aeiou" and not re.match(r"u[sn]i|u[st][ei]|eu|one", type_)

@@ -1,28 +1,54 @@
 """Objects by their places in a row: the first two, the third, the last."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from kb.commands.mentions import ORDINALS
 from kb.commands.tokens import Piece
 from kb.commands.words import Mention, Unclear
 
 
-def chosen(rows: Sequence[Sequence[str]], mention: Mention, said: str, there: str) -> Sequence[str]:
-    """The objects at the places that a mention names in the first row that has them. Raises `Unclear`.
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The rows of which "the last two" may speak: the objects `named` before, and the `whole` row of all.
 
-    With a noun, as in "the first probe", all rows must agree. `there` says which objects there are.
+    The named ones may have been `ranked` themselves: "heat the first two". `there` says which objects there are.
     """
-    ends = mention.ends
-    if not rows:
-        hint = f"{there}; say its number or its name"
-        raise Unclear(ends[0].offset, f"'{said}' of what? nothing here stands in a row", hint)
-    found = list(dict.fromkeys(each for row in rows if (each := tuple(_at_places(row, ends)))))
-    if not found:
-        raise Unclear(ends[0].offset, f"there is no '{said}'", there)
-    if len(found) > 1 and mention.owner:
-        message = f"'{said}' can mean those that were named, or all that there are"
-        raise Unclear(ends[0].offset, message, "say the numbers or names")
-    return found[0]
+
+    named: Sequence[str]
+    whole: Sequence[str]
+    ranked: bool
+    there: str
+
+    def chosen(self, mention: Mention, said: str) -> Sequence[str]:
+        """The objects at the places that a mention names in the row that is meant. Raises `Unclear`.
+
+        With a noun, as in "the first probe", both rows must agree. Without one, those that were named are meant, unless they
+        were all named as the first or the last ones: then the others of the whole row are.
+        """
+        ends = mention.ends
+        rows = [each for each in (self.named if len(self.named) > 1 else (), self.whole) if each]
+        if not rows:
+            hint = f"{self.there}; say its number or its name"
+            raise Unclear(ends[0].offset, f"'{said}' of what? nothing here stands in a row", hint)
+        found = list(dict.fromkeys(each for row in rows if (each := tuple(_at_places(row, ends)))))
+        if not found:
+            raise Unclear(ends[0].offset, f"there is no '{said}'", self.there)
+        if self.ranked and len(found) > 1 and set(found[0]) == set(self.named):
+            return found[1]
+        if len(found) > 1 and (mention.owner or self.ranked):
+            message = f"'{said}' can mean those that were named, or all that there are"
+            raise Unclear(ends[0].offset, message, "say the numbers or names")
+        if not mention.owner and self.named and not self.ranked:
+            self._require_enough(ends, said)
+        return found[0]
+
+    def _require_enough(self, ends: Sequence[Piece], said: str) -> None:
+        """Raises `Unclear` if fewer were named than are asked for: nobody knows whether the others are meant, too."""
+        if len(self.named) > 1 and _at_places(self.named, ends):
+            return
+        only = f"only {' and '.join(self.named)} {'was' if len(self.named) == 1 else 'were'} named before"
+        raise Unclear(ends[0].offset, f"'{said}' of which? {only}", "say the numbers or names")
 
 
 def _at_places(row: Sequence[str], ends: Sequence[Piece]) -> Sequence[str]:

@@ -70,7 +70,7 @@ class _SceneReader:
         ]
         for node in self.reader.items("clutter"):
             self._body(node.value, node)
-        inset, density = child(root, "inset"), child(root, "density")
+        inset, density, tolerance = (child(root, key) for key in ("inset", "density", "tolerance"))
         return Scene(
             self.reader.text("scene"),
             self.cell,
@@ -81,6 +81,7 @@ class _SceneReader:
             self._placement(child(root, "table")),
             self.read.positive(inset) if inset else INSET_M,
             self.read.number(density, FACTOR) if density else DENSITY,
+            self.read.positive(tolerance) if tolerance else math.inf,
         )
 
     def _placement(self, node: Node | None) -> Placement:
@@ -139,9 +140,11 @@ class _SceneReader:
             for key, value in _given(node, "cross", "sensor")
         }
         friction = {key: self.read.number(value, FACTOR) for key, value in _given(node, "friction")}
+        fingers = {key: int(value.value) for key, value in _given(node, "fingers")}
         force = [self.read.number(value, FACTOR) for _, value in _given(node, "force")]
         return _with(
-            HandEntry(arm.value), {**lengths, **sizes, **friction, **({"force_n": force[0]} if force else {})}
+            HandEntry(arm.value),
+            {**lengths, **sizes, **friction, **fingers, **({"force_n": force[0]} if force else {})},
         )
 
 

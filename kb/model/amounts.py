@@ -7,7 +7,7 @@ In a duration or a cost, `weight(Tool)` stands for the last argument of the only
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from kb.arithmetic import amount
+from kb.arithmetic import amount, wraps
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind, Operator, Predicate
 from kb.model.motion import DISTANCE, Motion, Point, distance
 from kb.terms import Function, Number, Operation, Substitution, Term, substitute
@@ -53,7 +53,12 @@ class Amounts:
         """
         if term is None or isinstance(term, Number):
             return amount(term, {}, default)
-        return amount(self._known(substitute(term, bindings)), {}, default)
+        known = self._known(substitute(term, bindings))
+        if wraps(known):
+            raise NoAmount(
+                f"{known} is too large a number", "numbers have 32 bits: take a larger unit of time"
+            )
+        return amount(known, {}, default)
 
     def lasting(self, operator: Operator, bindings: Substitution) -> int | None:
         """How long an instance of an operator lasts. None and `NoAmount` are as for `of`."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from kb.diagnostics import NOWHERE, Source
+from kb.model.sensors import Sensor
 from kb.model.shapes import HERE, Offsets, PlacedShape, Pose, Shape, Vector
 from kb.terms import Atom, Function, Term
 
@@ -192,6 +193,8 @@ class Place:
     turns: bool = False
     touches: tuple[str, ...] = ()
     depth_m: float = TOUCH_M
+    patch_m: float = 0.0  # the side of what a scanner must see there; 0: the least that it measures
+    surface: Placement | None = None  # what is measured lies in its plane, where the tool leans
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,6 +247,18 @@ class Patch:
 
 
 @dataclass(frozen=True, slots=True)
+class Sight:
+    """From where a scanner sees a patch: each of its `eyes`, features of the tool, from `range_m` (least, greatest), at most
+    `incidence_rad` off the normal, with nothing in between. It looks while it is `back_m` off the place along its z.
+    """
+
+    eyes: tuple[str, ...]
+    range_m: tuple[float, float]
+    incidence_rad: float
+    back_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Measuring:
     """How a tool takes a measurement that has a position, but no place of its own.
 
@@ -257,29 +272,7 @@ class Measuring:
     tilts_rad: tuple[float, ...] = (0.0,)
     field_m: float = 0.0
     patch_m: tuple[float, float] = (0.0, 0.0)
-
-
-class Sensing(Enum):
-    """What a sensor reads."""
-
-    JOINT = "joint"  # how far a body is along its joint (m or rad)
-    FORCE = "force"  # how hard something presses against a body (N)
-    LOAD = "load"  # how heavy what an arm holds is on its hand (N)
-    DISTANCE = "distance"  # how far the nearest thing is along z of a frame (m)
-    SLIP = "slip"  # how fast what touches a body slides along it (m/s)
-
-
-@dataclass(frozen=True, slots=True)
-class Sensor:
-    """A sensor reads something `of` a body, arm or frame. A reading is the range (least, greatest) that the value lies in.
-
-    `tells` names the outcome of a test by a reading, where the two have different names.
-    """
-
-    sensing: Sensing
-    of: str
-    readings: Mapping[str, tuple[float, float]]
-    tells: Mapping[str, str] = field(default_factory=dict)
+    sight: Sight | None = None
 
 
 @dataclass(frozen=True, slots=True)

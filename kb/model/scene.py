@@ -3,6 +3,7 @@
 Lengths are in metres, angles in radians.
 """
 
+import math
 from dataclasses import dataclass, field
 
 from kb.diagnostics import NOWHERE, Source
@@ -42,7 +43,9 @@ class CameraEntry:
 
 @dataclass(frozen=True, slots=True)
 class HandEntry:
-    """Parallel jaws at the tool point of an arm: z of its frame points to the part, x is the way in which they close."""
+    """Parallel jaws at the tool point of an arm, or a hand with three fingers: z of its frame points to the part, x is the way in
+    which they close.
+    """
 
     arm: str
     opening_m: float = 0.1
@@ -53,6 +56,7 @@ class HandEntry:
     sensor_m: tuple[float, float, float] = (0.06, 0.06, 0.03)
     friction: float = 0.4
     force_n: float = 40.0
+    fingers: int = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +64,8 @@ class Scene:
     """What `place` works on.
 
     `clutter` names bodies that the camera sees and nobody has modelled. `table` is a frame on the free part of a table, with
-    z upwards: there parts are laid down to be taken anew. Parts have a density in kg per cubic metre.
+    z upwards: there parts are laid down to be taken anew. Parts have a density in kg per cubic metre. A part is not taken before it
+    is sure to come within `tolerance_m` of its goal (three standard deviations).
     """
 
     name: str
@@ -72,3 +77,4 @@ class Scene:
     table: Placement = ON_FLOOR
     inset_m: float = INSET_M
     density: float = DENSITY
+    tolerance_m: float = math.inf

@@ -19,7 +19,10 @@ class MountedArmEntry(PlacedEntry):
         default_factory=list, description="folders in which package:// paths are looked up"
     )
     tool: PoseEntry | None = Field(None, description="the tool point after the flange")
-    home: list[Quantity] = Field(default_factory=list, description="the configuration in which it rests")
+    home: list[Quantity] = Field(
+        default_factory=list,
+        description="the configuration in which it rests: angles, and lengths where joints slide",
+    )
 
 
 class GuideEntry(Strict):
@@ -110,6 +113,22 @@ class OperationEntry(Strict):
     )
 
 
+Range = Annotated[list[Quantity], Field(min_length=2, max_length=2)]
+
+
+class SightEntry(Strict):
+    """From where a scanner sees what it measures."""
+
+    eyes: Annotated[list[str], Field(min_length=1)] = Field(
+        description="the features of the tool that must all see the whole patch"
+    )
+    range: Range = Field(description="the least and the greatest distance from an eye to the patch")
+    incidence: Quantity = Field(
+        "90", description="the greatest angle between the normal and the way that an eye looks"
+    )
+    back: Quantity = Field("0", description="how far the tool is back along its z while it looks")
+
+
 class MeasuringEntry(Strict):
     """How a tool takes a measurement that has a position, but no place of its own."""
 
@@ -120,12 +139,10 @@ class MeasuringEntry(Strict):
         description="the angles to the normal that are allowed, the preferred ones first",
     )
     field: Quantity = Field("0", description="the width of what a scanner sees at its working distance")
-    patch: Annotated[list[Quantity], Field(min_length=2, max_length=2)] | None = Field(
+    patch: Range | None = Field(
         None, description="the least and the greatest side of a patch in the picture of a scanner"
     )
-
-
-Range = Annotated[list[Quantity], Field(min_length=2, max_length=2)]
+    sight: SightEntry | None = Field(None, description="from where a scanner must see the patch")
 
 
 class SensorEntry(Strict):

@@ -20,9 +20,12 @@ class CameraFileEntry(PlacedEntry):
 
 
 class HandFileEntry(Strict):
-    """Parallel jaws at the tool point of an arm: z points to the part, x is the way in which the jaws close."""
+    """Parallel jaws, or three fingers, at the tool point of an arm: z points to the part, x is the way in which they close."""
 
     arm: str = Field(description="the arm that carries it")
+    fingers: Annotated[WholeNumber, Field(ge=2, le=3)] = Field(
+        2, description="2 for parallel jaws; 3 for a hand with one finger against two that spread"
+    )
     opening: Quantity = Field("100 mm", description="the greatest distance between the pads")
     pad: Quantity = Field("16 mm", description="the side of a square pad")
     finger: Quantity = Field("60 mm", description="the length of a finger")
@@ -67,3 +70,7 @@ class SceneFile(Strict):
     )
     inset: Quantity = Field("15 mm", description="how far inside an edge the jaws take a part")
     density: Quantity = Field("1000", description="of the parts, in kg per cubic metre")
+    tolerance: Quantity | None = Field(
+        None,
+        description="how far from its goal a part may come to lie: where three standard deviations exceed it, it is looked at anew",
+    )

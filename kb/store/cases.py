@@ -9,6 +9,7 @@ from sqlalchemy import (
     Float,
     Integer,
     MetaData,
+    RowMapping,
     String,
     Table,
     Text,
@@ -18,7 +19,8 @@ from sqlalchemy import (
     update,
 )
 
-from kb.store.engines import transaction
+from kb.json_text import parsed
+from kb.store.engines import MIGRATION, lock, refusal, transaction
 from kb.store.opening import Database
 
 metadata = MetaData()
@@ -55,6 +57,7 @@ class Cases(Database):
     def __init__(self, target: str) -> None:
         super().__init__(target, durable=True)
         with transaction(self._engine, target, writes=True) as connection:
+            lock(connection, MIGRATION)
             metadata.create_all(connection)
 
     def add(self, closed: Iterable[ClosedCase]) -> None:
@@ -81,17 +84,15 @@ class Cases(Database):
             asked = asked.where(cases.c.exception == exception)
         with transaction(self._engine, self.target) as connection:
             rows = connection.execute(asked).mappings().all()
-        return tuple(
-            ClosedCase(
-                row["domain"],
-                row["exception"],
-                tuple(json.loads(row["causes"])),
-                row["cost"],
-                tuple((action, outcome) for action, outcome in json.loads(row["observations"])),
-                row["weight"],
-            )
-            for row in rows
-        )
+        try:
+            return tuple(map(_closed, rows))
+        except (ValueError, TypeError) as error:
+            raise refusal(
+                self.target,
+                f"a closed case cannot be read: {error}",
+                "`cellwright store check` says more",
+                "K422",
+            ) from error
 
     def discount(self, domain: str, factor: float) -> None:
         """Multiply the weight of every case of a domain by a factor."""
@@ -106,6 +107,18 @@ class Cases(Database):
             count = connection.execute(select(func.count()).where(mine)).scalar_one()
             connection.execute(delete(cases).where(mine))
         return int(count)
+
+
+def _closed(row: RowMapping) -> ClosedCase:
+    observations = tuple((action, outcome) for action, outcome in parsed(row["observations"]))
+    return ClosedCase(
+        row["domain"],
+        row["exception"],
+        tuple(parsed(row["causes"])),
+        row["cost"],
+        observations,
+        row["weight"],
+    )
 
 
 def counts(given: Mapping[str, float], closed: Sequence[ClosedCase]) -> dict[str, float]:

@@ -3,7 +3,6 @@
 A library is only read. Each kind of damage is told a few times, not once for each row.
 """
 
-import json
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from sqlalchemy import Column, Connection, Engine, Table, func, inspect, select, text
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.json_text import parsed
 from kb.store.cases import cases
 from kb.store.cases import metadata as case_tables
 from kb.store.documents import loads
@@ -197,8 +197,8 @@ def _json_in(table: Table, kind: type, *columns: Column[Any]) -> Callable[[Conne
 
 def _parsed(said: str) -> object:
     try:
-        return json.loads(said)
-    except (ValueError, TypeError, RecursionError):
+        return parsed(said)
+    except (ValueError, TypeError):
         return None
 
 

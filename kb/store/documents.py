@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from kb.json_text import parsed
 from kb.model.conditions import Comparison, Parameter
 from kb.model.macro import MacroChain, Macrop, MacroPart, MacroStep
 from kb.model.plan import CausalLink, StepId
@@ -131,8 +132,8 @@ def dumps(macrop: Macrop) -> str:
 def loads(text: str) -> Macrop:
     """The MACROP in a JSON text. Raises `NotationError`."""
     try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        found = parsed(text)
+    except ValueError as error:
         raise NotationError(f"not JSON: {error}") from None
     if not isinstance(found, dict):
         raise NotationError("not a MACROP: no JSON object")

@@ -19,7 +19,7 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 BUSY_S = 60.0  # how long a SQLite writer waits for others
-LOCK = 0x43656C6C  # the key of PostgreSQL's advisory lock during migration
+MIGRATION, POSES = 0x43656C6C, 0x43656C6D  # keys of PostgreSQL's advisory locks
 POSTGRES = ("postgres", "postgresql", "postgresql+pg8000")
 
 
@@ -155,7 +155,7 @@ def transaction(engine: Engine, where: str, writes: bool = False) -> Iterator[Co
         ) from error
 
 
-def lock_schema(connection: Connection) -> None:
-    """Allow only one process at a time to migrate. In SQLite, the write lock does that."""
+def lock(connection: Connection, key: int) -> None:
+    """Let only one process at a time do what a key stands for, until its transaction ends. In SQLite, the write lock does that."""
     if connection.dialect.name == "postgresql":
-        connection.execute(text(f"SELECT pg_advisory_xact_lock({LOCK})"))
+        connection.execute(text(f"SELECT pg_advisory_xact_lock({key})"))

@@ -20,7 +20,8 @@ from sqlalchemy import (
 )
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.store.engines import refusal, transaction
+from kb.json_text import parsed
+from kb.store.engines import MIGRATION, lock, refusal, transaction
 from kb.store.opening import Database
 
 metadata = MetaData()
@@ -75,6 +76,7 @@ class Journal(Database):
         super().__init__(target, durable=True)
         self._held: PoolProxiedConnection | None = None
         with transaction(self._engine, target, writes=True) as connection:
+            lock(connection, MIGRATION)
             metadata.create_all(connection)
 
     def close(self) -> None:
@@ -191,7 +193,7 @@ def _row(line: Line) -> tuple[int, int, str, str]:
 
 def _content(target: str, text: str) -> dict[str, Any]:
     try:
-        found = json.loads(text)
+        found = parsed(text)
     except ValueError as error:
         raise refusal(
             target, f"a line of the journal cannot be read: {error}", "give another file"

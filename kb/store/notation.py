@@ -19,6 +19,7 @@ _TOKEN = re.compile(
 _RELATIONS = frozenset({"=", "!=", "<", "<=", ">", ">="})
 _OPERATORS = frozenset("+-*/\\")
 END = ""
+DEEPEST = 200  # brackets within brackets
 
 Requirement = tuple[str, int]
 """A condition of the index, written as a text, and how many facts must at least meet it."""
@@ -34,7 +35,7 @@ class _Tokens:
         found = list(_TOKEN.finditer(text.rstrip()))
         self.found = [each[each.lastgroup or 0] for each in found]
         self.kinds = [each.lastgroup for each in found]
-        self.place = 0
+        self.place = self.depth = 0
 
     def look(self) -> str:
         """The next token."""
@@ -98,6 +99,15 @@ def _finish(tokens: _Tokens) -> None:
 
 
 def _term(tokens: _Tokens) -> Term:
+    tokens.depth += 1
+    if tokens.depth > DEEPEST:
+        raise NotationError(f"'{tokens.text[:60]}': nested deeper than {DEEPEST} brackets")
+    found = _one(tokens)
+    tokens.depth -= 1
+    return found
+
+
+def _one(tokens: _Tokens) -> Term:
     kind, token = tokens.kind(), tokens.take()
     if token == "(":
         return _bracket(tokens)

@@ -11,7 +11,7 @@ from sqlalchemy import Engine, event
 from sqlalchemy.exc import SQLAlchemyError
 
 from kb.files import is_file
-from kb.store.engines import connected, is_writable, lock_schema, refusal, transaction, write_ahead
+from kb.store.engines import MIGRATION, connected, is_writable, lock, refusal, transaction, write_ahead
 from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
 
 _opened: dict[str, None] = {}
@@ -127,7 +127,7 @@ def _prepared(engine: Engine, target: str) -> None:
             version = version_of(connection)
         if version != CURRENT:
             with transaction(engine, target, writes=True) as connection:
-                lock_schema(connection)
+                lock(connection, MIGRATION)
                 migrate(connection)
     except NewerSchema as error:
         raise refusal(target, str(error), "install a newer Cellwright") from error

@@ -4,7 +4,6 @@ Data that many MACROPs of a domain share (what they depend on, the conditions of
 a number.
 """
 
-import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,8 @@ from typing import Any
 from sqlalchemy import Connection, select
 from sqlalchemy.dialects import postgresql, sqlite
 
+from kb.json_text import parsed
+from kb.store.engines import refusal
 from kb.store.notation import Requirement
 from kb.store.records import Saving
 from kb.store.schema import fingerprint, macrops, outlines, shared, usage
@@ -80,7 +81,7 @@ class SharedTexts:
         wanted = set(numbers)
         self._read(connection, wanted - self._depends.keys())
         for number in wanted - self._depends.keys():
-            self._depends[number] = json.loads(self._texts[number])
+            self._depends[number] = _parts(self._texts[number])
         return {number: self._depends[number] for number in wanted}
 
     def _meet(self, connection: Connection, rows: Collection[tuple[Any, ...]]) -> None:
@@ -114,6 +115,18 @@ class SharedTexts:
         required = tuple([self._required[word] for word in words.split()]) if words is not None else None
         figures = uses or 0, planning_s or 0.0, lookup_s or 0.0
         return Outline(number, signature, name, steps, cost, proof, self._depends[proof], required, *figures)
+
+
+def _parts(text: str) -> Mapping[str, str]:
+    """The parts in a shared text, with their digests. Raises `InvalidInput`."""
+    try:
+        found = parsed(text)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        said = f"what a MACROP depends on cannot be read: {text[:40]}"
+        raise refusal("the library", said, "`cellwright store check` says more", "K422")
+    return found
 
 
 def words_of(requirements: Iterable[Requirement], numbers: Mapping[str, int]) -> str:

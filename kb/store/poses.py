@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from sqlalchemy import delete, insert, select
 
-from kb.store.engines import transaction
+from kb.store.engines import POSES, lock, transaction
 from kb.store.opening import Database
 from kb.store.schema import poses
 
@@ -35,7 +35,8 @@ class PoseStore(Database):
             }
             for (m, t, s), text in sorted(documents.items())
         ]
-        with transaction(self._engine, self.target) as connection:
+        with transaction(self._engine, self.target, writes=True) as connection:
+            lock(connection, POSES)
             connection.execute(delete(poses).where(mine))
             if rows:
                 connection.execute(insert(poses), rows)

@@ -12,6 +12,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.dialects import postgresql, sqlite
 
+from kb.json_text import parsed
 from kb.store.engines import refusal, transaction
 from kb.store.opening import Database
 from kb.store.schema import sequences
@@ -60,7 +61,7 @@ class Sequences(Database):
         if row is None:
             return None
         try:
-            return _plan(domain, problem, json.loads(row[0]), row[1])
+            return _plan(domain, problem, parsed(row[0]), row[1])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             said = f"the sequence of {problem} cannot be read: {error!r}"
             raise refusal(self.target, said, "give another file") from error

@@ -47,6 +47,9 @@ class RegionTrees:
     def checker(self, scene: Scene) -> RegionChecker:
         return RegionChecker(scene)
 
+    def checker_of_few(self, scene: Scene) -> RegionChecker:
+        return self.checker(scene)
+
 
 @pytest.fixture(params=[*NAMES, RegionTrees.name])
 def backend(request: pytest.FixtureRequest) -> GeometryBackend:

@@ -1,11 +1,13 @@
 """What README and docs say of the command line is so: verbs, options, exit codes, command lines and what they print."""
 
 import contextlib
+import math
 import re
 import shlex
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -14,6 +16,9 @@ from typer.testing import CliRunner
 
 from engine.authoring.starter import create
 from engine.faces.cli import app, exits
+from engine.formats.interop.results import ResultForm
+from engine.formats.interop.results import written as written_results
+from kb.model.results import Measured, Results
 
 TOP = Path(__file__).parents[2]
 PAGES = {file.name: file.read_text("utf-8") for file in [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]}
@@ -53,6 +58,11 @@ PLACEHOLDERS = {
     "TABLE": "points.csv",
     "PART": "part.qif",
     "SET": "set.json",
+    "POINTS": "bore.csv",
+    "LOWER": "lower.csv",
+    "UPPER": "upper.csv",
+    "JOB": "block.yaml",
+    "RESULTS": "results.csv",
 }
 ANSWERS = {0, exits.INFEASIBLE}
 # Others of the same verbs run quickly.
@@ -61,6 +71,7 @@ LONG = (
     " --folded",
     " --motion",
     " assemble ",
+    " calibrate ",
     " watch ",
     "handey/turning",
     "run themse/sentence",
@@ -96,6 +107,7 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "part.qif").write_text(PART)
     (folder / "set.json").write_text('{"problems": [{"from": "home", "to": "meas(m2)"}]}')
     (folder / "acts.json").write_text('[{"joints": [0, -90, 90, -90, -90, 0], "jaws": "stay"}]')
+    measure(folder)
     with contextlib.chdir(folder):
         run("cellwright macros list --store STORE")
         run("cellwright import qif part.qif --output inspection.yaml")
@@ -104,6 +116,25 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         Path("exported.ipc").write_text(planned.stdout)
         Path("plan.json").write_text(run(f"cellwright plan {PLACEHOLDERS['TARGET']} --format json").stdout)
     return folder
+
+
+def measure(folder: Path) -> None:
+    """Clouds of points of a bore and of two planes, and a block that was measured on three sides and lies where it should."""
+    turns = [(0.02 * math.cos(n), 0.02 * math.sin(n), 0.0005 * n) for n in range(60)]
+    flat = [(0.001 * (n % 8), 0.001 * (n // 8)) for n in range(64)]
+    clouds = {"bore": turns, "lower": [(*p, 0.0) for p in flat], "upper": [(*p, 0.004) for p in flat]}
+    for name, points in clouds.items():
+        rows = ["x,y,z", *(f"{x:.6f},{y:.6f},{z:.6f}" for x, y, z in points)]
+        (folder / f"{name}.csv").write_text("\n".join(rows))
+    block = ["name,x,y,z,nx,ny,nz"]
+    for n in range(12):
+        place = (97 * n % 50, 31 * n % 50, 71 * n % 50)
+        block.append(f"m{n},{place[0]},{place[1]},{place[2]},{n % 3 == 0:d},{n % 3 == 1:d},{n % 3 == 2:d}")
+    (folder / "block.csv").write_text("\n".join(block))
+    measured = Results("block", "", tuple(Measured(f"m{n}", "profile", 0.0, "um") for n in range(12)))
+    (folder / "results.csv").write_text(written_results(measured, ResultForm.CSV))
+    with contextlib.chdir(folder):
+        run("cellwright import csv block.csv --output block.yaml")
 
 
 @pytest.fixture
@@ -155,8 +186,15 @@ def test_every_verb_is_in_the_table_of_commands_and_no_other() -> None:
     assert set(table) == set(VERBS)
 
 
+def with_own(command: Any) -> Iterator[Any]:
+    """A command, and all that it has below it."""
+    yield command
+    for each in getattr(command, "commands", {}).values():
+        yield from with_own(each)
+
+
 def test_every_option_that_is_named_exists() -> None:
-    commands = [each for verb in VERBS.values() for each in (verb, *getattr(verb, "commands", {}).values())]
+    commands = [each for verb in VERBS.values() for each in with_own(verb)]
     options = {name for each in commands for parameter in each.params for name in parameter.opts}
     others = {"--help", "--update-golden"}  # of every command; of the tests
     for name, page in PAGES.items():

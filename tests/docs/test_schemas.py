@@ -57,6 +57,7 @@ def _undescribed(part: Any, path: str) -> Iterator[str]:
             yield from _undescribed(value, f"{path}/{index}")
 
 
+@pytest.mark.slow
 def test_every_event_of_a_run_fits_the_schema_of_events(tmp_path: Path) -> None:
     events = tmp_path / "events.jsonl"
     line = ["run", "themse/one", "--store", str(tmp_path / "runs.db"), "--events", str(events)]

@@ -67,6 +67,7 @@ def test_every_cause_is_found_and_recovered_from(exception: str, cause: str, pla
     assert json.loads(answer.stdout)["data"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("target", "bottles"), FEW_AND_MORE)
 def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal(target: str, bottles: int) -> None:
     ending, records, _ = executed(target)

@@ -3,17 +3,24 @@
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+from typer.testing import CliRunner
+
+from engine.faces.cli import app
 from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
+from engine.pipelines import objective, planning
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import CellDomain
+from engine.stages.planning import Limits
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load
+from kb.loader.faults import load_faults
 from kb.model.problem import Problem
+from kb.targets import bundled
 from kb.terms import Number
 
-CELL = Path(__file__).parents[1] / "domains" / "centrifuge" / "problems"
+CELL = bundled()["centrifuge"] / "problems"
 
 
 def problem(name: str) -> Problem:
@@ -22,12 +29,26 @@ def problem(name: str) -> Problem:
     return found
 
 
-def test_four_tubes_are_filled_spun_and_put_back() -> None:
-    outcome = planning.plan(problem("four"))
+@pytest.mark.parametrize(("name", "tubes", "spins"), [("four", 4, 1), ("eight", 8, 2)])
+def test_tubes_are_spun_in_as_few_batches_as_the_rotor_allows(name: str, tubes: int, spins: int) -> None:
+    outcome = planning.plan(problem(name))
     assert isinstance(outcome, Found)
-    steps = [step.operator for step in outcome.plan.steps]
-    assert sum(each.name == "dispense" for each in steps) == 4
-    assert 1 <= sum(each.name == "spin" for each in steps) <= 2
+    names = [step.operator.name for step in outcome.plan.steps]
+    assert names.count("dispense") == names.count("load") == names.count("unload") == tubes
+    assert names.count("spin") == names.count("close_lid") == spins
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_few_batches_are_no_luck(seed: int) -> None:
+    outcome = planning.plan(problem("four"), Limits(seed=seed))
+    assert isinstance(outcome, Found)
+    assert sum(step.operator.name == "spin" for step in outcome.plan.steps) == 1
+
+
+def test_the_plan_that_is_scheduled_has_few_batches() -> None:
+    found = objective.plan(problem("four"))
+    assert found.timetable is not None
+    assert 600 < found.timetable.schedule.makespan < 800
 
 
 def test_every_spin_is_balanced() -> None:
@@ -73,3 +94,38 @@ def test_a_tube_that_nobody_wants_spun_is_not_spun() -> None:
     given = problem("four")
     alone = replace(given, chains=given.chains[:1])
     assert isinstance(planning.plan(alone), Infeasible)
+
+
+def test_a_sentence_fills_spins_and_puts_back() -> None:
+    said = "spin tubes 1 to 4 for 10 minutes after adding 5 ml buffer, then put them back capped"
+    outcome = planning.plan(planning.problem_of("centrifuge/four", command=said))
+    assert isinstance(outcome, Found)
+    names = [step.operator.name for step in outcome.plan.steps]
+    assert names.count("dispense") == names.count("unload") == 4
+    assert names.count("spin") == 1
+    assert max(n for n, name in enumerate(names) if name == "dispense") < max(
+        n for n, name in enumerate(names) if name == "spin"
+    )
+
+
+def test_every_step_of_the_cell_can_fail_in_a_way_that_is_known() -> None:
+    model, warnings = load_faults(bundled()["centrifuge"] / "domain.yaml")
+    assert not warnings
+    operators = {each.name for each in problem("four").domain.operators}
+    assert {each.operator.name for each in model.exceptions.values() if each.operator} == operators
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("step", "cause"),
+    [
+        ("spin(600)", "seated_badly"),
+        ("dispense(tube_2, buffer, 5)", "air_in_line"),
+        ("close_lid", "foreign_body"),  # a step without arguments
+    ],
+)
+def test_a_run_recovers_from_a_fault(step: str, cause: str, tmp_path: Path) -> None:
+    words = ["run", "centrifuge/four", "--fault", f"{step}={cause}", "--store", str(tmp_path / "store.db")]
+    said = CliRunner().invoke(app, words)
+    assert said.exit_code == 0, said.output
+    assert "all goals are reached" in said.output

@@ -23,7 +23,8 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parent)]
 
 import fuzz_domains  # noqa: E402 - the path is set above
 from fuzz_guards import Tally, batch  # noqa: E402
-from fuzz_readers import PARSERS, REFUSALS, Reader  # noqa: E402
+from fuzz_readers import REFUSALS, Reader  # noqa: E402
+from fuzz_requests import PARSERS  # noqa: E402
 from mutations import mutated  # noqa: E402
 
 BATCH_S = 3.0  # seconds that a batch should take
@@ -35,12 +36,16 @@ def chance_of(seed: int, name: str, number: int) -> Random:
 
 
 def written(reader: Reader, seed: int, number: int, folder: Path) -> Path:
-    """The input of a case, with the files that it needs, in a folder."""
-    for name, text in reader.beside.items():
-        (folder / name).write_text(text, "utf-8")
+    """The input of a case in a folder."""
     path = folder / reader.file
     path.write_bytes(mutated(chance_of(seed, reader.name, number), reader.kind, reader.seeds()))
     return path
+
+
+def accompany(reader: Reader, folder: Path) -> None:
+    """Write the files that a reader needs beside its own into a folder."""
+    for name, text in reader.beside.items():
+        (folder / name).write_text(text, "utf-8")
 
 
 def case_of(reader: Reader, seed: int, folder: Path) -> Callable[[int], bool]:
@@ -70,6 +75,7 @@ def targets() -> dict[str, Cases]:
 
 def _cases(reader: Reader) -> Cases:
     def cases(seed: int, folder: Path) -> Callable[[int], bool]:
+        accompany(reader, folder)
         warm(reader, folder)
         return case_of(reader, seed, folder)
 
@@ -85,8 +91,6 @@ def warm(reader: Reader, folder: Path) -> None:
     """Load what a reader needs, by a sound input, so that no case has to."""
     if reader.name not in _warmed():
         _warmed().add(reader.name)
-        for name, text in reader.beside.items():
-            (folder / name).write_text(text, "utf-8")
         (folder / reader.file).write_bytes(reader.seeds()[0])
         with suppress(*REFUSALS):
             reader.read(folder / reader.file)
@@ -157,6 +161,7 @@ def show(name: str, number: int, seed: int, output: Path) -> None:
     output.mkdir(parents=True)
     for reader in PARSERS:
         if reader.name == name:
+            accompany(reader, output)
             print(written(reader, seed, number, output))
             return
     print(fuzz_domains.written(name, seed, number, output))

@@ -42,7 +42,8 @@ def _has_surrogates(path: Path) -> bool:
 
 
 def _said(*texts: str) -> Callable[[], list[bytes]]:
-    return lambda: [each.encode() for each in texts]
+    said = [each.encode() for each in texts]
+    return lambda: said
 
 
 @cache
@@ -58,9 +59,11 @@ def _of(pattern: str, *folders: str) -> Callable[[], list[bytes]]:
 
 def _words(pattern: str) -> Callable[[], list[bytes]]:
     """The lines of files, each by itself."""
-    return lambda: [line.strip() for text in _of(pattern)() for line in text.split(b"\n") if len(line) > 5][
-        :3000
-    ]
+    return cache(
+        lambda: [line.strip() for text in _of(pattern)() for line in text.split(b"\n") if len(line) > 5][
+            :3000
+        ]
+    )
 
 
 def expressions(path: Path) -> None:
@@ -180,6 +183,7 @@ def _fault_model():  # type: ignore[no-untyped-def]
     return load_faults(seeds.CELLS[0] / "domain.yaml")[0]
 
 
+@cache
 def _cases() -> list[bytes]:
     counts = {name: dict.fromkeys(each.counts, 2.5) for name, each in _fault_model().exceptions.items()}
     return [json.dumps(counts).encode()]
@@ -200,6 +204,7 @@ def results(form: str, path: Path) -> None:
         raise Refused from error
 
 
+@cache
 def _results(form: str) -> list[bytes]:
     from engine.formats.interop.results import ResultForm, written
     from kb.model.results import Measured, Results
@@ -285,7 +290,7 @@ def depth(path: Path) -> None:
 
 
 def qif(path: Path) -> None:
-    from engine.formats.interop.qif import inspection_of
+    from engine.formats.interop.qif.points import inspection_of
 
     inspection_of(path)
 
@@ -353,7 +358,7 @@ def plan(path: Path) -> None:
 
 SLAB_FILES = {f"{name}.tsv": text for name, text in seeds.SLAB.items()}
 PDDL_FILES = {"domain.pddl": seeds.PDDL_DOMAIN, "problem.pddl": seeds.PDDL_PROBLEM}
-PARSERS = [
+FILES = [
     Reader("expression", "text", _words("*.yaml"), expressions),
     Reader("term", "text", _said("f(a, 1)", 'g(f(a), "x", -3)', "p(1 + 2 * 3)"), terms),
     Reader("rules", "text", _of("*.lp"), rules, "rules.lp"),

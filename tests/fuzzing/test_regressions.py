@@ -5,7 +5,8 @@ from pathlib import Path
 import campaign
 import pytest
 from fuzz_guards import batch
-from fuzz_readers import PARSERS, REFUSALS, Reader
+from fuzz_readers import REFUSALS, Reader
+from fuzz_requests import PARSERS
 
 FOUND = {
     "notation": [b"at(arm, " + b"9" * 5000 + b")"],
@@ -25,6 +26,7 @@ FOUND = {
     ],
     "MACROPs": [
         b'{"version": 1, "macrops": [{"macrop": "a", "domain": "b", "plan": [{"id": 1e400}]}]}',
+        b'{"version": 1, "macrops": [{"macrop": "' + b"(" * 5000 + b'", "domain": "b", "plan": []}]}',
         b'{"version": 1, "macrops": [{"macrop": "a", "domain": "b", "goals": ["'
         + b"f(" * 5000
         + b'"], "plan": []}]}',
@@ -33,8 +35,25 @@ FOUND = {
         b'{"type": "send", "commands": [{"number": 1, "kind": "step", "stream": "a", "action": "b", "choices": 3}]}'
     ],
     "results json": [b'{"version": 1}', b"[" * 100_000],
+    "rules": [b'p("\xed\xa0\x80").', b"x," * 100_000 + b"y."],
+    "motion set": [b"[" * 100_000],
+    "acts": [
+        b"[" * 100_000,
+        b'[{"body": []}]',
+        b'[{"body": "wheel", "at": [1e400, 1' + b"0" * 400 + b", 0]}]",
+    ],
+    "number": [b"9" * 200_000 + b"x"],
+    "driver options": [b"lookahead=nan", b"lookahead=inf", b"answer=1e400"],
+    "monitor request": [b'{"headers": {"host": "127.0.0.1:8210", "origin": "http://[x"}}'],
+    "monitor order": [b'{"order": "work", "text": "\\""}', b'{"run": "\\ud800", "order": "skip"}'],
+    "journal": [b'{"command": 1, "action": "_"}', b'{"steps": 3}'],
     "results qif": [b'<?xml version="1.0" encoding="UTF-nan"?><a/>'],
-    "OBJ": [b"f 1 2 3\n", b"v 0 0 0\nf 1 2 9\n", b"v 1e308 0 0\nv -1e308 0 0\nv 0 1 0\nf 1 2 3\n"],
+    "OBJ": [
+        b"f 1 2 3\n",
+        b"v 0 0 0\nf 1 2 9\n",
+        b"v 1e308 0 0\nv -1e308 0 0\nv 0 1 0\nf 1 2 3\n",
+        b"v 0 0 0\nv 1 0 0\nv  0 1\nf 1 2 3\n",
+    ],
     "results csv": [b"run,started,at_ms,of,quantity,value,unit,nominal,lower,upper,passed,tool,action\na\n"],
 }
 """By reader, inputs that once ended in an exception which no reader promises."""
@@ -43,8 +62,7 @@ READERS = {each.name: each for each in PARSERS}
 
 
 def _answers(reader: Reader, data: bytes, folder: Path) -> bool:
-    for name, text in reader.beside.items():
-        (folder / name).write_text(text, "utf-8")
+    campaign.accompany(reader, folder)
     (folder / reader.file).write_bytes(data)
     try:
         reader.read(folder / reader.file)
@@ -61,6 +79,7 @@ def test_what_was_found_is_answered(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", READERS)
 def test_mutated_inputs_are_read_or_refused(name: str, tmp_path: Path) -> None:
+    campaign.accompany(READERS[name], tmp_path)
     case = campaign.case_of(READERS[name], 7, tmp_path)
     for number in range(5):
         case(number)
@@ -92,6 +111,6 @@ def test_a_batch_goes_on_behind_a_case_that_ends_its_process() -> None:
 def test_a_campaign_goes_on_where_it_stopped(tmp_path: Path) -> None:
     for cases in (1, 2):
         state = campaign.State(tmp_path, 5)
-        campaign.run(state, 5, 0.001, "number")
+        campaign.run(state, 5, 0.001, "job shop")
         assert len(campaign.State(tmp_path, 5).tallies) == 1
-        assert campaign.State(tmp_path, 5).tallies["number"].cases >= cases
+        assert campaign.State(tmp_path, 5).tallies["job shop"].cases >= cases

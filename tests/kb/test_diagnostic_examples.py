@@ -9,7 +9,7 @@ from engine.formats.interop.inspections import remarks
 from engine.formats.interop.jobshop import read_jobshop
 from engine.formats.interop.pddl import read_pddl
 from engine.formats.interop.pnml import read_pnml
-from engine.formats.interop.qif import inspection_of
+from engine.formats.interop.qif.points import inspection_of
 from engine.formats.interop.tables import read_table
 from engine.formats.interop.tsplib import read_tsplib
 from engine.pipelines import checking, planning

@@ -293,6 +293,7 @@ def test_a_megabyte_in_one_expression(cell: Path) -> None:
     assert "K007" in codes(cell / "problem.yaml")
 
 
+@pytest.mark.slow
 def test_a_line_of_a_megabyte_does_not_slow_its_messages(cell: Path) -> None:
     names = ", ".join(f"Name{n}" for n in range(90_000))
     write(cell, DOMAIN.replace("[bolt]", f"[bolt, {names}]"))
@@ -403,6 +404,7 @@ def test_plan_files_are_answered(key: str, tmp_path: Path) -> None:
     assert len(load_plan(tmp_path / "plan.json")[1].steps) == 1
 
 
+@pytest.mark.slow
 def test_a_plan_file_may_be_longer_than_other_files(tmp_path: Path) -> None:
     """A plan of fifty thousand steps has some 20 MiB and two million values."""
     (tmp_path / "plan.json").write_text(PLAN + " " * MAX_BYTES)

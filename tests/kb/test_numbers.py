@@ -2,12 +2,13 @@
 
 import math
 from contextlib import suppress
+from decimal import Decimal
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from kb.numbers import LARGEST, NumberError, decimal, whole
+from kb.numbers import LARGEST, NumberError, decimal, finite, is_number, whole
 
 BAD = [
     "",
@@ -38,6 +39,18 @@ def test_what_is_no_number_is_refused(text: str) -> None:
 @given(st.floats(-LARGEST, LARGEST))
 def test_numbers_are_read_as_they_were_written(value: float) -> None:
     assert decimal(repr(value)) == value
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+@example(5e-324)
+@example(-1.7976931348623157e308)
+def test_numbers_of_any_size_are_read_without_an_exponent_too(value: float) -> None:
+    assert finite(format(Decimal(repr(value)), "f")) == value
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 10**400, True, "1", None, [1]])
+def test_values_that_are_no_finite_numbers(value: object) -> None:
+    assert not is_number(value)
 
 
 @given(st.integers(-(10**15), 10**15), st.integers(-(10**15), 10**15))

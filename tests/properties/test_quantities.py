@@ -109,7 +109,7 @@ def reachable(problem: Problem) -> bool:
     return False
 
 
-@given(cases(), st.sampled_from(["auto", "forward", "landmarks"]))
+@given(cases(), st.sampled_from(["auto", "forward", "landmarks", "novelty"]))
 @settings(max_examples=8, deadline=None)
 def test_a_search_over_quantities_agrees_with_brute_force(case: tuple[str, str], strategy: str) -> None:
     """Every plan has been accepted by the checker, which follows the values themselves."""

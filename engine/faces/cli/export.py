@@ -15,11 +15,15 @@ class Language(StrEnum):
 
     PDDL = "pddl"
     BT = "bt"
+    QIF = "qif"
 
 
 def export(
     language: Annotated[
-        Language, typer.Argument(help="pddl for a problem, bt for the behaviour tree of a plan")
+        Language,
+        typer.Argument(
+            help="pddl for a problem, bt for the behaviour tree of a plan, qif for the points to measure"
+        ),
     ],
     target: Annotated[
         str, typer.Argument(metavar="TARGET|PLAN", help="what `plan` takes; for bt a plan in JSON")
@@ -32,15 +36,20 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="the folder to write into, else this one; for bt a file, else it is printed",
+            help="the folder to write into, else this one; for bt and qif a file, else it is printed",
         ),
     ] = None,
     format: Format = Form.TEXT,
 ) -> None:
-    """Write TARGET as domain.pddl and problem.pddl, so that any PDDL planner can solve it, or PLAN as a behaviour tree.
+    """Write TARGET as domain.pddl and problem.pddl, so that any PDDL planner can solve it, PLAN as a behaviour tree, or points.
 
-    Behaviour trees are in the XML of BehaviorTree.CPP version 4.
+    Behaviour trees are in the XML of BehaviorTree.CPP version 4. The points to measure are written as a QIF document.
     """
+    if language is Language.QIF:
+        refuse_idle(
+            {"--goals": goals, "--command": command, "--ground": ground}, "with qif, which writes all points"
+        )
+        give(lambda: _qif(target, output), format)
     if language is Language.BT:
         idle = {"--goals": goals, "--command": command, "--ground": ground}
         refuse_idle(idle, "with bt, which takes a plan")
@@ -66,6 +75,21 @@ def _behaviour_tree(file: Path, output: Path | None) -> Answer:
     return Answer("ok", {"file": str(output), "steps": len(plan.steps)}, lambda: Text(str(output)))
 
 
+def _qif(target: str, output: Path | None) -> Answer:
+    from rich.text import Text
+
+    from engine.formats.interop.inspections import as_qif
+    from engine.pipelines import planning
+    from kb.diagnostics import escaped
+
+    text, count, told = as_qif(planning.problem_of(target))
+    if output is None:
+        return Answer("ok", raw=text, diagnostics=told)
+    output.write_text(escaped(text), "utf-8")
+    content = {"file": str(output), "points": count, "left_out": len(told)}
+    return Answer("ok", content, lambda: Text(f"{output}: {count} points"), diagnostics=told)
+
+
 def _pddl(target: str, goals: str, command: str, ground: bool, output: Path) -> Answer:
     from rich.text import Text
 
@@ -82,7 +106,5 @@ def _pddl(target: str, goals: str, command: str, ground: bool, output: Path) -> 
     }
     said = f"{domain}\n{problem}"
     if exported.why_ground:
-        said += (
-            f"\nwritten without variables, because PDDL with variables cannot express {exported.why_ground}"
-        )
+        said += f"\nwritten without variables, because the form with variables does not cover {exported.why_ground}"
     return Answer("ok", content, lambda: Text(said))

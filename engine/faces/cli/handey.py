@@ -1,14 +1,21 @@
 """`cellwright handey`: assemblies, and portions of motions, of the scenes on which `place` works."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.calibration import app as calibration
 from engine.faces.cli.exits import FINDINGS, GAVE_UP, INFEASIBLE
 from engine.faces.cli.options import Format, Seed, number
 from engine.faces.cli.scene_files import Image, SceneName, scene_file
+
+if TYPE_CHECKING:
+    from engine.pipelines.placing.assembling import Built
+    from engine.pipelines.workshop.running import Shift
+    from kb.model.domain import Domain
 
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
 app = typer.Typer(
@@ -17,22 +24,47 @@ app = typer.Typer(
     help="Assemble parts, plan portions of their motions, and follow an operator.",
 )
 
+app.add_typer(calibration, name="calibrate")
+
 
 @app.command()
 def assemble(
     base: Annotated[str, typer.Argument(help="the body on which the assembly is built")],
     scene: SceneName,
     image: Image = None,
+    execute: Annotated[
+        bool,
+        typer.Option("--execute", help="carry it out in MuJoCo, with tests and repairs where it goes wrong"),
+    ] = False,
+    shift: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--shift",
+            help="with --execute: move a part after it was seen, PART=X,Y,TURN in mm and degrees; may be repeated",
+        ),
+    ] = None,
+    remove: Annotated[
+        list[str] | None,
+        typer.Option("--remove", help="with --execute: take a part away after it was seen; may be repeated"),
+    ] = None,
     seed: Seed = 0,
     format: Format = Form.TEXT,
 ) -> None:
     """Put all parts of a scene where its relations say, in an order that the task planner finds and geometry proves."""
-    give(lambda: _assembled(base, scene, image, seed), format)
+    changes = (shift or [], remove or [])
+    if any(changes) and not execute:
+        raise typer.BadParameter("--shift and --remove change what is executed: add --execute")
+    if image is not None and execute:
+        raise typer.BadParameter("--execute makes its images from the scene: leave out --image")
+    give(lambda: _assembled(base, scene, image, seed, changes if execute else None), format)
 
 
-def _assembled(base: str, scene: str, image: Path | None, seed: int) -> Answer:
+def _assembled(
+    base: str, scene: str, image: Path | None, seed: int, changes: tuple[list[str], list[str]] | None
+) -> Answer:
     from rich.text import Text
 
+    from engine.faces.cli.execution_options import shifts_of
     from engine.formats.interop.depth_files import read_depth
     from engine.formats.report import assembling as report
     from engine.pipelines.placing import assembling, looking
@@ -41,10 +73,30 @@ def _assembled(base: str, scene: str, image: Path | None, seed: int) -> Answer:
 
     read = load_scene(scene_file(scene))
     given = read_depth(image, looking.camera_of(read)) if image else None
-    made, _ = assembling.assemble(read, load_domain("handey"), base, seed, given)
+    domain, shifts = load_domain("handey"), shifts_of(read, *changes) if changes is not None else None
+    made, _ = assembling.assemble(read, domain, base, seed, given)
     said = report.text(made, base)
     status = report.status(made)
+    if shifts is not None and isinstance(made, assembling.Built):
+        return _executed(made, domain, shifts, said, seed)
     return Answer(status, report.content(made), lambda: Text(said), CODES[status])
+
+
+def _executed(made: "Built", domain: "Domain", shifts: "Sequence[Shift]", said: str, seed: int) -> Answer:
+    from rich.text import Text
+
+    from engine.faces.cli.exits import STOPPED
+    from engine.formats.report import assembling as planned
+    from engine.formats.report import workshop as report
+    from engine.pipelines.workshop.running import executed
+
+    done = executed(made, domain, shifts, seed)
+    outcome = done.runs[-1].outcome
+    content = {**planned.content(made), "execution": report.content(done)}
+    text = f"{said}\n{report.text(done)}"
+    return Answer(
+        outcome, content, lambda: Text(text), {"reached": 0, "partly": FINDINGS}.get(outcome, STOPPED)
+    )
 
 
 @app.command()

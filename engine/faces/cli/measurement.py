@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.fitting import align, fit
 from engine.faces.cli.options import Format, Target
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ Tool = Annotated[str, typer.Option("--tool", help="the tool that is to take it, 
 
 @app.callback()
 def measurement() -> None:
-    """List and change the measurements of a problem."""
+    """List and change the measurements of a problem, and see what was measured: shapes through points, and where the part lies."""
 
 
 @app.command("list")
@@ -73,6 +74,10 @@ app.command("edit")(
         "Change the position, kind, nominal value, tolerance, bore and tool of the measurement NAME in the problem FILE.",
     )
 )
+
+
+app.command("fit")(fit)
+app.command("align")(align)
 
 
 @app.command()
@@ -133,6 +138,6 @@ def _change(file: Path, how: str, what: "MeasurementPoint | str") -> Answer:
     from engine.formats.interop.inspections import rewrite
     from engine.model.measurement import MeasurementPoint
 
-    rewrite(file, how, what)
+    rewrite(file, how, [what])
     name = what.name if isinstance(what, MeasurementPoint) else what
     return Answer("ok", {"file": str(file), how: name}, lambda: Text(f"{name} {how} in {file}"))

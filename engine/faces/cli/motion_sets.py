@@ -47,9 +47,10 @@ def replays(target: str, problems: Path, wished: "Callable[[], Wish]", output: P
 def _read(path: Path) -> "list[Problem]":
     from engine.pipelines.motion.problems import problems_in
     from kb.files import read_file
+    from kb.json_text import parsed
 
     try:
-        content = json.loads(read_file(path).text)
+        content = parsed(read_file(path).text)
     except ValueError:
         content = None
     return problems_in(content, str(path))

@@ -216,7 +216,7 @@ def _made(wanted: PlanRequest, work: SearchOptions, interrupted: "Interruption")
     order = objectives.Order(work.order.value)
     if work.motion:
         moving = _moving(
-            wanted.target, problem, work, lambda each: objectives.plan(each, limits, wish, order)
+            wanted.target, problem, work, interrupted, lambda each: objectives.plan(each, limits, wish, order)
         )
         return Made(moving.run, moving.problem, moving=moving, task=task)
     run, origin = planned(problem, limits, wish, order, work.store, work.folded)
@@ -240,14 +240,26 @@ def _limits(work: SearchOptions, interrupted: "Interruption", pddl: bool) -> "Li
 
 
 def _moving(
-    target: str, problem: "Problem", work: SearchOptions, planned: "Callable[[Problem], Run]"
+    target: str,
+    problem: "Problem",
+    work: SearchOptions,
+    interrupted: "Interruption",
+    planned: "Callable[[Problem], Run]",
 ) -> "Moving":
-    """The plan in which every step moves."""
+    """The plan in which every step moves. Raises `Stopped` if it is interrupted: a plan that does not move is no answer."""
     from engine.pipelines.poses.planning import plan_with_poses
     from engine.plugins import geometry_backend
     from kb.loader.cell import cell_of
+    from kb.stopping import Stopped
 
-    found = plan_with_poses(problem, cell_of(target), geometry_backend(), planned, work.seed, work.store)
+    def planned_in_time(each: "Problem") -> "Run":
+        run = planned(each)
+        if interrupted.told:
+            raise Stopped
+        return run
+
+    backend = geometry_backend()
+    found = plan_with_poses(problem, cell_of(target), backend, planned_in_time, work.seed, work.store)
     return found.moving
 
 

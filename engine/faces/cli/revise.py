@@ -99,5 +99,5 @@ def _text(found: "PlanRevision", follows: "Follows") -> "RenderableType":
     if found.repair_cost is not None and found.replanning_cost is not None:
         said.append(f"repair costs {found.repair_cost}, replanning {found.replanning_cost}")
     said += [f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in follows]
-    said += given_up_lines(found.given_up)
+    said += given_up_lines((each.goal, each.why) for each in found.given_up)
     return Group(text.outcome(found.outcome, found.problem), Text("\n".join(said)))

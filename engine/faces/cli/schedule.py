@@ -164,6 +164,7 @@ def _timetable(
     planned = json.outcome(Found(made.plan), problem, starts=made.starts)["plan"]
     entry = schedule_entry(made.shop, made.schedule, made.scope, staged=len(made.plan.steps) <= LONG)
     content = {"schedule": entry, "note": made.note, "bounded_by": bottleneck_entry(made), "plan": planned}
+    content |= {"missed_windows": dict(made.missed)} if made.missed else {}
     unit = problem.domain.time_unit
     return _answer(made.shop, made.schedule, content, made.statistics, form, stats, unit, made)
 

@@ -82,6 +82,7 @@ def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None"
     """The verdict of the checker. What it prints of the plan is computed from the steps, which are as the domain says."""
     from rich.text import Text
 
+    from engine.model.windows import outside
     from engine.pipelines import plan_files
 
     found = plan_files.check_plan(problem, plan, name, claims)
@@ -89,8 +90,11 @@ def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None"
         counts = {"steps": len(plan.steps), "links": len(plan.links)}
         return Answer("invalid", counts, code=FINDINGS, diagnostics=tuple(found))
     last = plan_files.ending(plan, claims)
-    content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
+    content: dict[str, object] = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
     lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
     steps, links = counted(len(plan.steps), "step"), counted(len(plan.links), "causal link")
     said = f"valid: {steps}, cost {plan.cost}{lasts}, {links}"
+    if missed := plan_files.missed_windows(problem, plan, claims):
+        content |= {"missed_windows": missed}
+        said += f"\n{outside(missed, problem.domain.time_unit)}"
     return Answer("valid", content, text=lambda: Text(said))

@@ -55,7 +55,7 @@ def watched(run: str, give: Give, factor: float) -> "Iterator[Callable[[Record],
 def _pressed(key: str, display: Any, live: Any, give: Give) -> None:
     match key:
         case "p":
-            give("continue" if display.phase in ("paused", "interrupting") else "interrupt")
+            give(display.toggled())
         case "i":
             give("interrupt")
         case "s":

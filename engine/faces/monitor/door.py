@@ -51,7 +51,7 @@ class Door:
         if headers.get("host", "").lower() not in self._hosts:
             return 421, "this address is not served here"
         origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc.lower() not in self._hosts:
+        if origin is not None and _site(origin) not in self._hosts:
             return 403, "requests from other sites are refused"
         if not self._local and not self._knows(scope, headers):
             return 401, "open the address with the token that the command printed"
@@ -98,6 +98,14 @@ class Once:
             while len(self._answers) > REMEMBERED:
                 self._answers.popitem(last=False)
         return self._answers[key]
+
+
+def _site(origin: str) -> str:
+    """The host and port of an origin; empty if it is none."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return ""
 
 
 def _same(one: str, other: str) -> bool:

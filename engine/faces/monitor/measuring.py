@@ -10,6 +10,7 @@ from engine.faces.monitor.cell3d import SIDES, scene_of, turned
 from engine.faces.monitor.frame import head, heading
 from engine.faces.monitor.shared import Shared
 from engine.faces.monitor.sheets import Part, written_point
+from engine.formats.interop.inspections import as_qif
 from engine.stages.geometry.shapes.snapping import SnapTo
 from kb.diagnostics import InvalidInput
 
@@ -87,9 +88,10 @@ class MeasuringPage:
             self._button("Change chosen", "change", self._change)
             self._button("Remove chosen", "remove", self._remove)
             self._button("Undo", "undo", lambda: self._send("undo", []))
+            self._button("Save as QIF", "qif", self._as_qif)
 
     def _button(self, said: str, name: str, does: Any) -> None:
-        if name == "look" or not self.shared.read_only:
+        if name in ("look", "qif") or not self.shared.read_only:
             ui.button(said, on_click=does).props(f'dense no-caps data-testid="{name}"')
 
     def _numbers(
@@ -192,6 +194,13 @@ class MeasuringPage:
 
     async def _remove(self) -> None:
         await self._send("removed", [each["name"] for each in self._table.selected])
+
+    def _as_qif(self) -> None:
+        """Give the browser the measurements as a QIF document, to be saved where the person wants it."""
+        text, _, told = as_qif(self.part.problem)
+        ui.download(text.encode(), f"{self.path.stem}.qif", "application/xml")
+        for each in told:
+            ui.notify(each.message, type="warning")
 
     async def _send(self, how: str, points: list[Any]) -> None:
         """Ask for a change as the page does, with its token and a key; then show what the file has."""

@@ -16,9 +16,10 @@ from engine.faces.monitor.overview import build
 from engine.faces.monitor.shared import PAUSE_S, Shared
 from engine.faces.monitor.solids import known
 from kb.diagnostics import InvalidInput
+from kb.json_text import parsed
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
-Change = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
+ChangeRequest = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
 RECONNECT_S = 60.0  # for which a page whose network is cut may come back as it was; then it loads anew
 HISTORY = 100  # messages that are kept for such a page; one that has missed more loads anew
 SILENCE_S = 15.0  # after which a stream says that it is still there
@@ -62,16 +63,19 @@ def application(shared: Shared, host: str, port: int) -> Door:
     pages.config.socket_io_js_transports = [
         "websocket"
     ]  # a connection that asks by POST would need the token
-    local = host in LOCAL
-    names = LOCAL if local else (host,)
-    hosts = [f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names]
-    return Door(made, hosts, shared.token, local)
+    return Door(made, _hosts(host, port), shared.token, host in LOCAL)
 
 
-async def _changing(request: Request, change: Change) -> JSONResponse:
+def _hosts(host: str, port: int) -> list[str]:
+    """What a request may name as its host."""
+    names = LOCAL if host in LOCAL else (host,)
+    return [f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names]
+
+
+async def _changing(request: Request, change: ChangeRequest) -> JSONResponse:
     """The answer to a request that changes something."""
     try:
-        asked = await request.json()
+        asked = parsed(await request.body())
     except ValueError:
         asked = None
     if not isinstance(asked, dict):

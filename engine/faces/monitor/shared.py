@@ -143,7 +143,7 @@ class Shared:
     def _started(self, order: str, run: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
         """Start a run, resume one, or begin work that takes long."""
         if order == "work":
-            words = shlex.split(str(asked.get("text", "")))
+            words = _split(str(asked.get("text", "")))
             if not words or words[0] not in LONG:
                 return 400, {"said": f"what can be begun here: {', '.join(LONG)}"}
             self.jobs.append(started(words, self.sheets.folder))
@@ -162,6 +162,14 @@ class Shared:
         if refused:
             return 409, {"said": refused}
         return 200, {"said": f"{made}: goes on", "open": f"/run/{quote(made, safe='')}"}
+
+
+def _split(text: str) -> list[str]:
+    """The words of a command line; none if a quotation mark is left open."""
+    try:
+        return shlex.split(text)
+    except ValueError:
+        return []
 
 
 def _run_words(run: str, asked: Mapping[str, Any]) -> list[str]:

@@ -76,12 +76,7 @@ class Sheets:
         if not isinstance(given, list) or not given:
             raise _refused(name, "choose a measurement first")
         text = path.read_text("utf-8")
-        try:
-            for each in given:
-                rewrite(path, how, str(each) if how == "removed" else read_point(each))
-        except InvalidInput:
-            _write(path, text)
-            raise
+        rewrite(path, how, [str(each) if how == "removed" else read_point(each) for each in given])
         self._before.setdefault(name, []).append((text, path.read_text("utf-8")))
         names = ", ".join(each if isinstance(each, str) else str(each["name"]) for each in given)
         return f"{how}: {names}"

@@ -4,7 +4,6 @@
  {"body": "brick", "at": [450, -280, 60], "rpy": [0, 0, 20]}]
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,10 @@ from engine.pipelines.placing.watching import Act, Event, Jaws, Shifted
 from engine.stages.geometry import transforms
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
+from kb.json_text import parsed
 from kb.model.scene import Scene
 from kb.model.shapes import Pose
+from kb.numbers import is_number
 
 KEYS = ({"joints", "jaws"}, {"body", "at", "rpy"})
 
@@ -23,7 +24,7 @@ KEYS = ({"joints", "jaws"}, {"body", "at", "rpy"})
 def read_acts(file: Path, scene: Scene) -> list[Event]:
     """The events in a file. Raises `InvalidInput`."""
     try:
-        listed = json.loads(read_file(file).text)
+        listed = parsed(read_file(file).text)
     except ValueError as error:
         raise _refused(file, f"this is no JSON: {error}") from None
     if not isinstance(listed, list):
@@ -39,7 +40,7 @@ def _event(entry: Any, number: int, file: Path, scene: Scene) -> Event:
     if odd := sorted(set(entry) - known):
         raise _refused(file, f"{where} has the unknown key '{odd[0]}'")
     if "body" in entry:
-        if entry["body"] not in scene.cell.bodies:
+        if not isinstance(entry["body"], str) or entry["body"] not in scene.cell.bodies:
             raise _refused(file, f"{where}: there is no body '{entry['body']}'")
         at, turned = _numbers(entry, "at", 3, where, file), _numbers(entry, "rpy", 3, where, file)
         pose = Pose((at[0] / 1000, at[1] / 1000, at[2] / 1000), tuple(np.radians(turned).tolist()))
@@ -56,7 +57,7 @@ def _numbers(entry: dict[str, Any], key: str, count: int, where: str, file: Path
     found = entry.get(key, [0.0] * count if key == "rpy" else None)
     if not isinstance(found, list) or len(found) != count:
         raise _refused(file, f"{where}: `{key}` has to be {count} numbers")
-    if not all(type(x) in (int, float) and np.isfinite(x) for x in found):
+    if not all(map(is_number, found)):
         raise _refused(file, f"{where}: `{key}` has to be {count} numbers")
     return [float(x) for x in found]
 

@@ -1,10 +1,11 @@
-"""Depth images from files: NumPy arrays, 16-bit PNG, and the points of PCD and PLY files.
+"""Depth images and clouds of points from files: NumPy arrays, 16-bit PNG, and the points of PCD and PLY files.
 
 A row of an array or a PNG is a row of the picture. Points are in the camera's frame in metres; each is put into its pixel, the
 nearest one counts.
 """
 
 import io
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,9 @@ from kb.files import read_bytes
 
 MAX_BYTES = 256 * 2**20
 PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it
+FARTHEST_M = (
+    1e6  # a coordinate of a measured point; squares of much larger ones leave no digits for millimetres
+)
 PLY_TYPES = {
     "float": "f4",
     "float32": "f4",
@@ -39,16 +43,7 @@ PLY_TYPES |= {"int32": "i4", "uint32": "u4"}
 
 def read_depth(path: Path, camera: Camera) -> Floats:
     """Depths (height, width) in metres, 0 for nothing. Raises `InvalidInput` for what cannot be read, or another size."""
-    readers = {".npy": _array, ".png": _png, ".pcd": _pcd, ".ply": _ply}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise _refused(path, f"'{path.suffix}' is not a kind of depth image", f"one of: {', '.join(readers)}")
-    data = _bytes(path)
-    try:
-        found = reader(data)
-    except Exception as error:  # what a garbled file makes the readers raise is not laid down
-        said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
-        raise _refused(path, f"it cannot be read: {said}", "write it again as .npy or 16-bit PNG") from None
+    found = _read(path, {".npy": _array, ".png": _png, ".pcd": _pcd, ".ply": _ply}, "depth image")
     depth = _in_pixels(found, camera) if found.ndim == 2 and found.shape[1] == 3 else found
     if depth.shape != (camera.height, camera.width):
         size = f"{camera.width} x {camera.height}"
@@ -57,6 +52,42 @@ def read_depth(path: Path, camera: Camera) -> Floats:
             path, f"it has {shape} pixels, the camera {size}", "give the camera its `width` and `height`"
         )
     return np.where(np.isfinite(depth) & (depth > 0), depth, 0.0)
+
+
+def read_cloud(path: Path) -> Floats:
+    """Points (n, 3) in metres, those that are finite. Raises `InvalidInput` for what cannot be read."""
+    found = _read(path, {".npy": _array, ".pcd": _pcd, ".ply": _ply, ".csv": _rows}, "file of points")
+    if found.shape[1] != 3:
+        raise _refused(path, f"it has {found.shape[1]} columns", "give x, y and z of each point in metres")
+    kept: Floats = found[np.isfinite(found).all(axis=1)]
+    if (np.abs(kept) > FARTHEST_M).any():
+        raise _refused(path, f"a coordinate is greater than {FARTHEST_M:.0f} m", "give points in metres")
+    return kept
+
+
+def _rows(data: bytes) -> Floats:
+    """The columns x, y and z of a table whose first line names them."""
+    lines = [line.split(",") for line in data.decode("utf-8-sig").splitlines() if line.strip()]
+    names = [each.strip().lower() for each in lines[0]] if lines else []
+    if not {"x", "y", "z"} <= set(names):
+        raise ValueError("its first line does not name the columns x, y and z")
+    if any(len(row) != len(names) for row in lines):
+        raise ValueError("not every line has as many columns as the first one")
+    columns = [names.index(axis) for axis in "xyz"]
+    return np.array([[float(row[column]) for column in columns] for row in lines[1:]], float).reshape(-1, 3)
+
+
+def _read(path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: str) -> Floats:
+    """What the reader for a file's ending makes of it."""
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise _refused(path, f"'{path.suffix}' is not a kind of {what}", f"one of: {', '.join(readers)}")
+    data = _bytes(path)
+    try:
+        return reader(data)
+    except Exception as error:  # what a garbled file makes the readers raise is not laid down
+        said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
+        raise _refused(path, f"it cannot be read: {said}", f"one of: {', '.join(readers)}") from None
 
 
 def _bytes(path: Path) -> bytes:

@@ -1,18 +1,20 @@
 """Problems made from files of measurements, and changes of single measurements in problem files."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from engine.formats.interop import editing
-from engine.formats.interop.measurements import all_facts, names, problem_text
+from engine.formats.interop.measurements import all_facts, names, points, problem_text
 from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.model.measurements import measurements_of
-from engine.pipelines.inspection import Partition, partition
+from engine.pipelines.inspection import Partition, partition, require_choice
+from engine.pipelines.inspection.places import with_places
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load
+from kb.model.conventions import Conventions
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.targets import reference
@@ -20,6 +22,7 @@ from kb.terms import Function
 
 NEARER = "give a smaller --edge-distance if that is too near"
 UNKNOWN = "such points are listed as impossible; declare the kind, and a tool for it"
+NO_POSITION = "give its position in micrometres, or a frame in cell.yaml"
 HINT = "measure it otherwise, or add points with `cellwright measurement add`"
 
 
@@ -74,7 +77,8 @@ def _names(fact: Function, kinds: Collection[str], domain: Domain) -> bool:
 def _read(path: Path, unit: str, edge: float | None) -> Inspection:
     if path.suffix.lower() == ".csv":
         return read_table(path, unit)
-    from engine.formats.interop.qif import inspection_of  # geometry: slow to import, and no table needs it
+    # geometry is slow to import, and no table needs it
+    from engine.formats.interop.qif.points import inspection_of
 
     metres = unit_m(unit)
     return inspection_of(path, metres, None if edge is None else edge * metres)
@@ -118,26 +122,44 @@ def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
     )
 
 
+def as_qif(problem: Problem) -> tuple[str, int, tuple[Diagnostic, ...]]:
+    """The measurements of a problem as a QIF document, how many they are, and a warning for each that is nowhere.
+
+    Raises `InvalidInput` for a domain without measurements.
+    """
+    require_choice(problem)
+    from engine.formats.interop.qif.points_written import written_points
+
+    found = points(with_places(problem))
+    nowhere = sorted({*measurements_of(problem)} - {point.name for point in found})
+    told = (
+        Diagnostic(
+            Source(problem.path), "K807", f"{name} is left out: it has no position", NO_POSITION, warning=True
+        )
+        for name in nowhere
+    )
+    return written_points(found), len(found), tuple(told)
+
+
 def _problem(inspection: Inspection, domain: Domain, facts: tuple[Function, ...]) -> Problem:
     objects = dict.fromkeys(names(inspection), domain.conventions.measurement)
     return Problem(inspection.name, domain, objects, facts)
 
 
-def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
-    """Add (`added`), change (`replaced`) or remove (`removed`) a measurement in a problem file.
+def rewrite(path: Path, how: str, measurements: Sequence[MeasurementPoint | str]) -> None:
+    """Add (`added`), change (`replaced`) or remove (`removed`, by name) measurements in a problem file, all or none.
 
     The new text is read as a trial before it replaces the old one. Raises `InvalidInput`.
     """
-    name = what if isinstance(what, str) else what.name
     problem = load(path).problem
-    there = problem is not None and problem.objects.get(name) == problem.domain.conventions.measurement
-    if problem is None or there == (how == "added"):
-        raise InvalidInput([_misnamed(name, problem, Source(str(path)))])
-    lines, words = read_file(path).text.splitlines(), problem.domain.conventions
-    if isinstance(what, str):
-        lines = editing.removed(lines, what, str(path), words)
-    else:
-        lines = (editing.added if how == "added" else editing.replaced)(lines, what, str(path), words)
+    _require_there(path, problem, [_name(each) for each in measurements], how)
+    words = problem.domain.conventions if problem else Conventions()
+    lines = read_file(path).text.splitlines()
+    for each in measurements:
+        if isinstance(each, str):
+            lines = editing.removed(lines, each, str(path), words)
+        else:
+            lines = (editing.added if how == "added" else editing.replaced)(lines, each, str(path), words)
     trial = path.with_name(f".{path.stem}.trial{path.suffix}")
     try:
         trial.write_text("\n".join(lines) + "\n", "utf-8")
@@ -147,9 +169,21 @@ def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
         trial.unlink(missing_ok=True)
 
 
-def _misnamed(name: str, problem: Problem | None, where: Source) -> Diagnostic:
+def _name(measurement: MeasurementPoint | str) -> str:
+    return measurement if isinstance(measurement, str) else measurement.name
+
+
+def _require_there(path: Path, problem: Problem | None, names: Sequence[str], how: str) -> None:
+    """Refuse to add a name that is there, and to change or remove one that is not. Each is named once."""
+    there = set(measurements_of(problem)) if problem else set()
+    for name in names:
+        if problem is None or (name in there) == (how == "added"):
+            raise InvalidInput([_misnamed(name, there, Source(str(path)))])
+        there ^= {name} if how != "replaced" else set()
+
+
+def _misnamed(name: str, known: Collection[str], where: Source) -> Diagnostic:
     """The diagnostic for a new measurement whose name is taken, or for a name that is not a measurement."""
-    known = measurements_of(problem) if problem else []
     if name in known:
         return Diagnostic(
             where,

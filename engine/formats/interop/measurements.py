@@ -96,9 +96,13 @@ def points(problem: Problem) -> list[MeasurementPoint]:
         (fact.name, str(fact.arguments[0])): fact.arguments[1:] for fact in problem.statics if fact.arguments
     }
 
-    def metres(predicate: str, name: str) -> float | None:
+    def number(predicate: str, name: str) -> int | None:
         found = told.get((predicate, name))
-        return found[0].value * 1e-6 if found and isinstance(found[0], Number) else None
+        return found[0].value if found and isinstance(found[0], Number) else None
+
+    def metres(predicate: str, name: str) -> float | None:
+        found = number(predicate, name)
+        return None if found is None else found * 1e-6
 
     def triple(predicate: str, name: str, scale: float) -> Triple | None:
         numbers = [each.value * scale for each in told.get((predicate, name), ()) if isinstance(each, Number)]
@@ -114,9 +118,10 @@ def points(problem: Problem) -> list[MeasurementPoint]:
         sizes = (metres(each, name) for each in (words.tolerance, words.bore, words.nominal))
         tolerance, bore, nominal = sizes
         kind, (tool, *_) = kinds.get(needed, needed), told.get((words.prefers, name), ("",))
+        step = number(words.alignment, name) or 0
         made.append(
             MeasurementPoint(
-                name, name, kind, position, normal, tolerance, bore, nominal_m=nominal, tool=str(tool)
+                name, name, kind, position, normal, tolerance, bore, step, nominal_m=nominal, tool=str(tool)
             )
         )
     return made

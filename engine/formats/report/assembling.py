@@ -41,9 +41,8 @@ def _move(move: Move) -> str:
 
 
 def _carry(carry: Carry) -> str:
-    one, other = carry.grasp.facets
     to = "" if carry.rest == "goal" else f", laid down {carry.rest}"
-    return f"taken at {one} and {other}, {1000 * carry.grasp.width_m:.1f} mm apart{to}"
+    return f"taken at {placing.at_facets(carry.grasp)}{to}"
 
 
 def obstacle(one: Obstacle) -> str:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from engine.formats.report.recovery import given_up_lines
 from engine.model.wording import counted
 
 if TYPE_CHECKING:
@@ -43,13 +44,12 @@ def text(ending: "Finish", store: str) -> RenderableType:
     took = f"{duration(ending.makespan_ms)} on the run's clock; the first plan was forecast to take {duration(ending.forecast_ms)}"
     lines.append(Text(f"{counted(ending.steps, 'step')}, {counted(ending.exceptions, 'exception')}, {took}."))
     lines += [Text(f"  {each}") for each in ending.story]
-    for goal, reason in ending.given_up:
-        lines.append(Text(f"  given up: {goal}: {reason}"))
+    lines += [Text(f"  {each}") for each in given_up_lines(ending.given_up)]
     told = {goal for goal, _ in ending.given_up}
     still = [goal for goal in ending.open_goals if goal not in told]
     lines += [Text(f"  open: {goal}") for goal in still[:SHOWN]]
     if len(still) > SHOWN:
-        lines.append(Text(f"  ... and {len(still) - SHOWN} more"))
+        lines.append(Text(f"  ... and {len(still) - SHOWN} more: --format json names all"))
     if ending.outcome in ("stopped", "paused"):
         lines.append(Text(f"Go on with: cellwright resume {ending.run} --store {store}"))
     return Group(*lines)

@@ -11,10 +11,10 @@ from rich.text import Text
 from engine.formats.report import inspection, tour
 from engine.formats.report.rows import TextTable
 from engine.model.outcome import Found
+from engine.model.windows import outside
 from engine.model.wording import counted
 from engine.pipelines.objective import Run
-from kb.model.likeness import names
-from kb.model.plan import GOAL, START, Plan
+from kb.model.plan import Plan
 from kb.terms import Function as Name
 from kb.terms import natural_key
 
@@ -68,7 +68,7 @@ def text(run: Run, unit: str) -> RenderableType:
     kept = (
         ", as kept"
         if way.kept
-        else ", turned where changes of tools then take less time"
+        else ", its runs put so that changes of tools and stations take least time"
         if way.altered
         else ""
     )
@@ -83,34 +83,17 @@ def text(run: Run, unit: str) -> RenderableType:
 
 
 def missed_windows(run: Run) -> Mapping[str, int]:
-    """The visits that the plan begins outside their windows, each with its begin after that of the first visit.
-
-    A window counts in the tour, which knows ways and durations of visits. The plan has all steps, and no step waits in it.
-    """
-    if run.itinerary is None or not isinstance(run.outcome, Found) or run.starts is None:
-        return {}
-    visits = {visit.name: visit.window for visit in run.itinerary.problem.visits}
-    goals = [link for link in run.outcome.plan.links if link.consumer == GOAL and link.producer != START]
-    begins = {
-        name: run.starts[link.producer] for link in goals for name in names(link.condition) if name in visits
-    }
-    first = min(begins.values(), default=0)
-    windows = {name: own for name, own in visits.items() if own is not None and name in begins}
-    after = {name: begins[name] - first for name in windows}
-    return {name: at for name, at in after.items() if not windows[name][0] <= at <= windows[name][1]}
+    """The visits that the plan begins outside their windows, each with its begin after that of the tour."""
+    return {} if run.timetable is None else run.timetable.missed
 
 
 def _outside(run: Run, unit: str) -> list[str]:
     """A line that names the visits which the plan begins outside their windows; none if there are none."""
     missed = missed_windows(run)
-    told = [f"{name} at {at} {unit}" for name, at in list(missed.items())[:LISTED]]
-    if not told:
+    if not missed or run.itinerary is None:
         return []
-    more = f" and {len(missed) - LISTED} more (--format json has all)" if len(missed) > LISTED else ""
-    return [
-        f"Windows are kept in the tour, where an arm that is early waits. In the plan no step waits, and tools are changed: "
-        f"{', '.join(told)}{more} after the first visit, outside the window"
-    ]
+    why = f": {run.itinerary.unkept}" if run.itinerary.unkept else ""
+    return [f"Not all windows are kept{why}. {outside(missed, unit)}"]
 
 
 def _times(plan: Plan, unit: str) -> RenderableType:

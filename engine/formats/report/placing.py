@@ -7,6 +7,7 @@ import numpy as np
 
 from engine.model.assembly import Assembled, Freedom
 from engine.model.geometry import Floats
+from engine.model.grasping import Grasp
 from engine.model.vision import Hypothesis
 from engine.pipelines.placing.answers import Carry, Leg, NotPlaced, PlaceAnswer, Placed
 from engine.pipelines.placing.doubt import at_goal
@@ -42,6 +43,12 @@ def content(answer: PlaceAnswer) -> dict[str, Any]:
         "holds": dict(zip(("all", "at_start", "at_goal"), answer.holds, strict=True)),
         "carries": [carry(each) for each in answer.carries],
     }
+
+
+def at_facets(grasp: Grasp) -> str:
+    """Where a part is held, and how wide."""
+    *first, last = grasp.facets
+    return f"{', '.join(first)} and {last}, {1000 * grasp.width_m:.1f} mm apart"
 
 
 def _hypothesis(one: Hypothesis) -> dict[str, float]:
@@ -134,9 +141,8 @@ def _freedom(one: Freedom) -> str:
 
 
 def _told(n: int, carry: Carry) -> Iterator[str]:
-    one, other = carry.grasp.facets
     to = "to its goal" if carry.rest == "goal" else f"to the free place, to lie {carry.rest}"
-    yield f"{n}. taken at {one} and {other}, {1000 * carry.grasp.width_m:.1f} mm apart, and carried {to}"
+    yield f"{n}. taken at {at_facets(carry.grasp)}, and carried {to}"
     yield from map(told, carry.legs)
 
 

@@ -38,11 +38,10 @@ def text(portion: Portion, said: SaidRelation) -> str:
     if not isinstance(portion, Brought):
         return f"'{said}' is not reached: {portion.reason}\n  try: {portion.hint}"
     part = said.first[0]
-    one, other = portion.grasp.facets
     lines = [
         f"{part} lies at {placing.pose(portion.T_world_from)}",
         f"'{said}' holds at {placing.pose(portion.T_world_part)}, {placing.free(portion.goal)}",
-        f"taken at {one} and {other}, {1000 * portion.grasp.width_m:.1f} mm apart, and held there",
+        f"taken at {placing.at_facets(portion.grasp)}, and held there",
         *(placing.told(each) for each in portion.legs),
     ]
     return "\n".join(lines)

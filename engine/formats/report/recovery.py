@@ -1,6 +1,6 @@
 """The recovery after a diagnosis, for people and programs."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 from rich.console import Group, RenderableType
@@ -94,7 +94,7 @@ def text(found: Recovery) -> RenderableType:
         said += f": {counted(len(found.kept), 'step')} kept, {len(found.dropped)} dropped, {len(found.added)} added"
     first = [Text(line) for line in _first(found.repair)]
     shown: list[RenderableType] = [*first, Text(said), outcomes.outcome(found.outcome, found.problem)]
-    shown += [Text(line) for line in given_up_lines(found.given_up)]
+    shown += [Text(line) for line in given_up_lines((each.goal, each.why) for each in found.given_up)]
     if found.sequence is not None:
         shown += [Text("the kept sequence was updated:"), progress.text(found.sequence)]
     return Group(*shown)
@@ -113,6 +113,9 @@ def given_up_entry(found: Sequence[GivenUp]) -> dict[str, str]:
     return {each.goal: each.why for each in found}
 
 
-def given_up_lines(found: Sequence[GivenUp]) -> list[str]:
-    """The goals that are given up, for people."""
-    return [f"given up: {each.goal}: {each.why}" for each in found]
+def given_up_lines(found: Iterable[tuple[str, str]]) -> list[str]:
+    """The goals that are given up, for people: each reason once, behind all its goals."""
+    goals: dict[str, list[str]] = {}
+    for goal, why in found:
+        goals.setdefault(why, []).append(goal)
+    return [f"given up: {', '.join(named)}: {why}" for why, named in goals.items()]

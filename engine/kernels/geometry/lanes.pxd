@@ -29,6 +29,8 @@ cdef extern from "engine/kernels/geometry/lanes.h":
         const double *away
         const float *whole
         unsigned int *doubt
+        int wide
+    int lanes_wide() nogil
     Py_ssize_t lanes_sift(
         lanes_scene *l, Py_ssize_t first, unsigned int open, float margin, int all, unsigned int *hit, unsigned int *doubted
     ) nogil
@@ -40,7 +42,7 @@ cdef class Narrow:
     cdef readonly Pairs pairs
     cdef const float[:, ::1] origins, bounds
     cdef const float[::1] slack
-    cdef readonly object middle, axes
+    cdef readonly object middle, axes, most, placed, poses
 
 @cython.final
 cdef class Lanes:

@@ -6,6 +6,7 @@ This spares work, and changes no answer: a lane that is not surely apart, or sur
 doubt, and whoever asks looks at the groups of pairs in doubt in double precision. Without a C compiler all is in doubt.
 """
 
+import os
 from typing import Any
 
 import cython
@@ -42,6 +43,10 @@ class Narrow:
         self.middle = _in_all_lanes(pieces.bounds[:, :3])
         self.axes = _in_all_lanes(pieces.bounds[:, layout.AXES : layout.HALF])
         self.slack = _slack(mechanism, pieces)
+        self.most = np.where(mechanism.sliding, mechanism.travels, TURNED)
+        self.placed = np.where(pieces.carrier == 0, NEVER, 0)[None].repeat(2, axis=0).astype(np.int32)
+        self.poses = np.zeros((mechanism.count + 1, 12, 16), np.float32)
+        self.poses[0, [0, 4, 8]] = 1.0
 
 
 def _in_all_lanes(entries: Floats) -> Singles:
@@ -105,22 +110,16 @@ class Lanes:
     """
 
     def __init__(self, narrow: Narrow, reach: Floats | None = None) -> None:
-        m, count = narrow.mechanism, narrow.pieces.count
+        count = narrow.mechanism.count
         self.narrow, self.groups, self.small = narrow, len(narrow.pairs.groups), False
-        self.start, self.way, self.where = np.zeros(m.count), np.zeros(m.count), np.zeros(16)
-        self.most = np.where(m.sliding, m.travels, TURNED)
-        self.away, self.whole, self.share = (
-            np.zeros(m.count),
-            np.zeros(count, np.float32),
-            np.zeros(16, np.float32),
-        )
-        self.doubt = np.zeros(self.groups, np.uint32)
+        self.start, self.way, self.where = np.zeros(count), np.zeros(count), np.zeros(16)
+        self.most, self.doubt = narrow.most, np.zeros(self.groups, np.uint32)
         self.hit, self.doubted, self.proving = 0, 0, reach is not None
         self.middle, self.axes = narrow.middle.copy(), narrow.axes.copy()
-        self.poses = np.zeros((m.count + 1, 12, 16), np.float32)
-        np.asarray(self.poses)[0, [0, 4, 8]] = 1.0
-        self.placed = np.where(narrow.pieces.carrier == 0, NEVER, 0)[None].repeat(2, axis=0).astype(np.int32)
-        self.reach = np.zeros((1, 1)) if reach is None else reach
+        self.poses, self.placed = narrow.poses.copy(), narrow.placed.copy()
+        if reach is not None:
+            self.reach, self.away = reach, np.zeros(count)
+            self.whole, self.share = np.zeros(narrow.pieces.count, np.float32), np.zeros(16, np.float32)
         if cython.compiled:
             _bind(self, narrow)
 
@@ -146,7 +145,11 @@ class Lanes:
         return -1
 
 
+# Vectors of eight, where the processor has them; what NumPy is told not to use is not used here, either.
+WIDE = cython.compiled and "AVX2" not in os.environ.get("NPY_DISABLE_CPU_FEATURES", "")
+
 if cython.compiled:
+    WIDE = WIDE and lanes_wide()  # type: ignore[name-defined]  # noqa: F821
 
     def _sifted(room: Any, first: int, lanes: int, margin: float, every: bool) -> int:
         hit, doubted = cython.address(room.hit), cython.address(room.doubted)
@@ -155,6 +158,7 @@ if cython.compiled:
     def _bind(room: Any, narrow: Narrow) -> None:
         """Tell `lanes.h` where the arrays are."""
         m, p, q = narrow.mechanism, narrow.pieces, narrow.pairs
+        room.scene.wide = WIDE
         room.scene.joints, room.scene.pieces, room.scene.groups = m.count, p.count, room.groups
         room.scene.parent, room.scene.slides = cython.address(m.parent[0]), cython.address(m.slides[0])
         room.scene.origins, room.scene.own = (
@@ -163,7 +167,8 @@ if cython.compiled:
         )
         room.scene.carrier, room.scene.slack = cython.address(p._carrier[0]), cython.address(narrow.slack[0])
         if room.proving:
-            room.scene.reach = cython.address(room.reach[0, 0])
+            room.scene.reach, room.scene.away = cython.address(room.reach[0, 0]), cython.address(room.away[0])
+            room.scene.whole, room.scene.share = cython.address(room.whole[0]), cython.address(room.share[0])
         room.scene.rows, room.scene.pairs = cython.address(q._groups[0, 0]), cython.address(q._pairs[0, 0])
         room.scene.after, room.scene.poses = cython.address(q._after[0]), cython.address(room.poses[0, 0, 0])
         room.scene.middle, room.scene.axes = (
@@ -175,6 +180,4 @@ if cython.compiled:
             cython.address(room.placed[1, 0]),
         )
         room.scene.start, room.scene.way = cython.address(room.start[0]), cython.address(room.way[0])
-        room.scene.where, room.scene.share = cython.address(room.where[0]), cython.address(room.share[0])
-        room.scene.away, room.scene.whole = cython.address(room.away[0]), cython.address(room.whole[0])
-        room.scene.doubt = cython.address(room.doubt[0])
+        room.scene.where, room.scene.doubt = cython.address(room.where[0]), cython.address(room.doubt[0])

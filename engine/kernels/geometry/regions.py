@@ -16,8 +16,6 @@ from engine.kernels.geometry.hierarchy import Hierarchy
 from engine.kernels.geometry.layout import Pieces
 from engine.kernels.geometry.room import Room
 
-KEPT = 4  # hits that are tried first in the next pose
-
 
 class Walk:
     """Walks through a hierarchy over standing pieces, one after the other; made once for a batch.
@@ -35,7 +33,7 @@ class Walk:
         self.box = np.empty(6)
 
 
-def _begin(w: Walk, here: Room, asking: int, by: float) -> None:
+def begin(w: Walk, here: Room, asking: int, by: float) -> None:
     """Ask for all that is within `by` of a piece."""
     _surround(w, here, asking)
     w.size = 0
@@ -77,7 +75,7 @@ def _gap(w: Walk, node: int, square: float) -> float:
     return float(total)
 
 
-def _next(w: Walk, by: float) -> int:
+def next_within(w: Walk, by: float) -> int:
     """The next standing piece whose box is within `by` of the piece that asks, or -1. What is nearer comes first."""
     square = by * by
     while w.size > 0:
@@ -107,7 +105,7 @@ def _compared(w: Walk, here: Room, asking: int, r: int, by: float) -> int:
     return said
 
 
-def _meets(w: Walk, here: Room, asking: int, r: int, by: float, n: int) -> bool:
+def meets(w: Walk, here: Room, asking: int, r: int, by: float, n: int) -> bool:
     """Whether a standing piece is within `by` of a piece that asks, in pose `n` of the batch."""
     said = _compared(w, here, asking, r, by)
     if said != volumes.UNDECIDED:
@@ -131,14 +129,14 @@ def near_pieces(asking: Pieces, standing: Pieces, tree: Hierarchy, within: float
     count = 0
     with cython.nogil:
         for n in range(here.count):
-            _begin(w, here, n, within)
-            r = _next(w, within)
+            begin(w, here, n, within)
+            r = next_within(w, within)
             while r >= 0:
-                if _meets(w, here, n, r, within, -1):
+                if meets(w, here, n, r, within, -1):
                     if count < told.shape[0]:
                         told[count, 0], told[count, 1] = n, r
                     count += 1
-                r = _next(w, within)
+                r = next_within(w, within)
     return count
 
 
@@ -149,24 +147,34 @@ def first_hits(
     tree: Hierarchy,
     pairs: Longs,
     skip: Truths,
+    likely: Longs,
     out: Truths,
 ) -> None:
     """For each of the carrier poses (n, k + 1, 3, 4) whether an asking piece touches a standing one or one of `pairs`.
 
-    `skip` (asking, standing) are those that may touch.
+    `skip` (asking, standing) are those that may touch. The `likely` ones (m, 2), as `sampling.all_hits` numbers them, are tried first;
+    rows below 0 are free for what touches on the way.
     """
-    here, w = Room(asking, poses, standing), Walk(standing, tree)
-    told, may, both, hit = out.view(np.uint8), skip.view(np.uint8), pairs, np.full((KEPT, 2), -1)
-    _refuse_unless_fitting(here, w, both, may, told.shape[0])
+    here, w, hit = Room(asking, poses, standing), Walk(standing, tree), likely.copy()
+    told, may, both = out.view(np.uint8), skip.view(np.uint8), pairs
+    refuse_unless_fitting(here, w, both, may, told.shape[0])
+    if (
+        hit.shape[1] != 2
+        or (hit[:, 0] >= here.count).any()
+        or (hit[:, 1] >= standing.count + here.count).any()
+    ):
+        raise ValueError("what is likely to touch must be (m, 2), of pieces that are there")
+    again = hit
     with cython.nogil:
         for n in range(here.batch):
-            room.move_bounds(here, n)
             told[n] = (
-                _hits_again(here, w, n, hit) or _hits_one(here, w, may, n, hit) or _pairs_touch(here, both, n)
+                _hits_again(here, w, n, again)
+                or _hits_one(here, w, may, n, again)
+                or _pairs_touch(here, both, n)
             )
 
 
-def _refuse_unless_fitting(here: Room, w: Walk, pairs: Longs, skip: Bytes, results: int) -> None:
+def refuse_unless_fitting(here: Room, w: Walk, pairs: Longs, skip: Bytes, results: int) -> None:
     if not checks.fit(here, pairs):
         raise ValueError(f"pairs must be (m, 2), of {here.count} pieces")
     if skip.shape[0] != here.count or skip.shape[1] != w.standing.count:
@@ -176,25 +184,30 @@ def _refuse_unless_fitting(here: Room, w: Walk, pairs: Longs, skip: Bytes, resul
 
 
 def _pairs_touch(here: Room, pairs: Longs, n: int) -> bool:
-    for m in range(pairs.shape[0]):
-        i, j = pairs[m, 0], pairs[m, 1]
-        said = volumes.verdict(here, i, j, 0.0)
-        if said == volumes.TOUCHING:
-            return True
-        if said == volumes.UNDECIDED:
-            room.place_once(here, i, n)
-            room.place_once(here, j, n)
-            if checks.touches(here, i, j, 0.0):
-                return True
-    return False
+    m = 0
+    while m < pairs.shape[0] and not both_touch(here, pairs[m, 0], pairs[m, 1], n):
+        m += 1
+    return bool(m < pairs.shape[0])
+
+
+def both_touch(here: Room, i: int, j: int, n: int) -> bool:
+    """Whether two asking pieces touch."""
+    room.bounds_once(here, i, n)
+    room.bounds_once(here, j, n)
+    said = volumes.verdict(here, i, j, 0.0)
+    if said != volumes.UNDECIDED:
+        return said == volumes.TOUCHING
+    room.place_once(here, i, n)
+    room.place_once(here, j, n)
+    return checks.touches(here, i, j, 0.0)
 
 
 def _hits_again(here: Room, w: Walk, n: int, hit: Longs) -> bool:
-    """Whether two pieces touch that did so lately; those get one place nearer to the front."""
-    for k in range(KEPT):
-        if hit[k, 0] < 0:
+    """Whether two pieces touch that are likely to, or did so lately; those get one place nearer to the front."""
+    for k in range(hit.shape[0]):
+        if hit[k, 0] < 0 or hit[k, 1] < 0:
             return False
-        if _meets(w, here, hit[k, 0], hit[k, 1], 0.0, n):
+        if _hit(here, w, n, hit[k, 0], hit[k, 1]):
             if k > 0:
                 for side in range(2):
                     kept = hit[k, side]
@@ -204,25 +217,35 @@ def _hits_again(here: Room, w: Walk, n: int, hit: Longs) -> bool:
     return False
 
 
+def _hit(here: Room, w: Walk, n: int, asking: int, other: int) -> bool:
+    """Whether an asking piece touches another one, numbered as in `sampling.all_hits`."""
+    if other >= w.standing.count:
+        return both_touch(here, asking, other - w.standing.count, n)
+    room.bounds_once(here, asking, n)
+    return meets(w, here, asking, other, 0.0, n)
+
+
 def _hits_one(here: Room, w: Walk, skip: Bytes, n: int, hit: Longs) -> bool:
     """Whether one asking piece touches a standing one; notes which. The last pieces of an arm ask first."""
     for asking in range(here.count - 1, -1, -1):
-        _begin(w, here, asking, 0.0)
-        r = _next(w, 0.0)
+        room.bounds_once(here, asking, n)
+        begin(w, here, asking, 0.0)
+        r = next_within(w, 0.0)
         while r >= 0:
-            if not skip[asking, r] and _meets(w, here, asking, r, 0.0, n):
+            if not skip[asking, r] and meets(w, here, asking, r, 0.0, n):
                 _keep(hit, asking, r)
                 return True
-            r = _next(w, 0.0)
+            r = next_within(w, 0.0)
     return False
 
 
 def _keep(hit: Longs, asking: int, r: int) -> None:
-    """Note a hit in the last free place, or in the last of all."""
-    k = 0
-    while k < KEPT - 1 and hit[k, 0] >= 0:
+    """Note a hit in the first free place, or in the last of all."""
+    k, last = 0, hit.shape[0] - 1
+    while k < last and hit[k, 0] >= 0:
         k += 1
-    hit[k, 0], hit[k, 1] = asking, r
+    if k <= last:
+        hit[k, 0], hit[k, 1] = asking, r
 
 
 def nearest_hits(
@@ -238,7 +261,7 @@ def nearest_hits(
     """The least signed distance (n,) below `beyond` between asking and standing pieces, and in `pairs`."""
     here, w = Room(asking, poses, standing), Walk(standing, tree)
     least, may, both = distance, skip.view(np.uint8), pairs
-    _refuse_unless_fitting(here, w, both, may, least.shape[0])
+    refuse_unless_fitting(here, w, both, may, least.shape[0])
     s = Separations(np.asarray(here.world), max(here.most, standing.most))
     with cython.nogil:
         for n in range(here.batch):
@@ -261,10 +284,10 @@ def _nearest_of_pairs(here: Room, s: Separations, pairs: Longs, best: float) -> 
 
 def _nearest(here: Room, s: Separations, w: Walk, skip: Bytes, asking: int, best: float) -> float:
     """The least signed distance of one asking piece from a standing one, if below `best`."""
-    _begin(w, here, asking, max(best, 0.0))
-    r = _next(w, max(best, 0.0))
+    begin(w, here, asking, max(best, 0.0))
+    r = next_within(w, max(best, 0.0))
     while r >= 0:
         if not skip[asking, r] and _compared(w, here, asking, r, max(best, 0.0)) != volumes.APART:
             best = min(best, checks.separation(here, s, asking, here.count))
-        r = _next(w, max(best, 0.0))
+        r = next_within(w, max(best, 0.0))
     return best

@@ -21,6 +21,8 @@ cdef class Trees:
     cdef readonly double reach
     cdef Halton halton
 
+@cython.locals(sound=bint, x=Py_ssize_t, side=Py_ssize_t, n=Py_ssize_t)
+cdef bint _finite(Trees t) noexcept nogil
 cpdef bint connect(Trees t, Edges e, long long budget) except *
 @cython.locals(goal=Py_ssize_t, free=int)
 cdef int _straight(Trees t, Edges e, long long budget) except -1 nogil

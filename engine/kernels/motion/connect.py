@@ -39,10 +39,8 @@ class Trees:
         count = len(low)
         if any(each.shape[1:] != (count,) or not len(each) for each in (starts, goals)):
             raise ValueError(f"starts and goals must be (n, {count}), at least one of each")
-        if high.shape != (count,) or shift.shape != (count,) or not np.isfinite([low, high]).all():
-            raise ValueError(f"limits and shift must be ({count},), and finite")
-        if not (reach > 0.0 and np.isfinite(starts).all() and np.isfinite(goals).all()):
-            raise ValueError("configurations must be finite, and branches longer than nothing")
+        if high.shape != (count,) or shift.shape != (count,):
+            raise ValueError(f"limits and shift must be ({count},)")
         self.count, self.capacity, self.reach = count, capacity + max(len(starts), len(goals)), reach
         self.nodes, self.parents = np.empty((2, self.capacity, count)), np.empty((2, self.capacity), np.int64)
         self.nodes[0, : len(starts)], self.nodes[1, : len(goals)] = starts, goals
@@ -52,6 +50,8 @@ class Trees:
         self.size, self.met = [len(starts), len(goals)], [-1, -1]
         self.low, self.high = np.array(low, dtype=float), np.array(high, dtype=float)
         self.target, self.halton = np.empty((1, count)), Halton(shift)
+        if not (reach > 0.0 and _finite(self)):
+            raise ValueError("configurations and limits must be finite, and branches longer than nothing")
 
     def grown(self) -> tuple[Floats, Floats]:
         """The configurations of both trees, each (n, k)."""
@@ -68,6 +68,17 @@ class Trees:
             halves.append(self.nodes[side, rows])
         joined: Floats = np.concatenate([halves[0][::-1], halves[1][1:]])
         return joined
+
+
+def _finite(t: Trees) -> bool:
+    """Whether the limits and the roots of both trees are finite."""
+    sound = True
+    for x in range(t.count):
+        sound = sound and math.isfinite(t.low[x]) and math.isfinite(t.high[x])
+        for side in range(2):
+            for n in range(t.size[side]):
+                sound = sound and math.isfinite(t._nodes[side, n, x])
+    return sound
 
 
 def connect(t: Trees, e: Edges, budget: int) -> bool:

@@ -6,21 +6,23 @@ import functools
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
+from engine.kernels.arrays import Floats, Longs
 
 PRIMES = 64
 
 
 @functools.cache
-def primes(count: int) -> list[int]:
-    """The first prime numbers."""
+def primes(count: int) -> Longs:
+    """The first prime numbers (count,)."""
     found: list[int] = []
     number = 2
     while len(found) < count:
         if all(number % each for each in found):
             found.append(number)
         number += 1
-    return found
+    table: Longs = np.array(found, dtype=np.int64)
+    table.flags.writeable = False
+    return table
 
 
 class Halton:
@@ -33,7 +35,7 @@ class Halton:
         self.count = len(shift)
         if self.count > PRIMES:
             raise ValueError(f"at most {PRIMES} dimensions, not {self.count}")
-        self.bases = np.array(primes(self.count), dtype=np.int64)
+        self.bases = primes(self.count)
         self.shift, self.drawn = np.array(shift, dtype=float), 0
 
 

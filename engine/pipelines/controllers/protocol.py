@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from engine.model.execution import VERSION, Command, CommandKind, Fate, Reply, Report
+from kb.json_text import parsed
 
 LONGEST = 16 * 1024 * 1024  # bytes of one line; more is sent in parts
 ANSWERS = {
@@ -51,8 +52,8 @@ def hello(run: str) -> dict[str, Any]:
 def read_line(text: bytes) -> dict[str, Any]:
     """The content of a line. Raises `Garbage`."""
     try:
-        found = json.loads(text.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
+        found = parsed(text.decode("utf-8"))
+    except ValueError as error:
         raise Garbage(f"a line that is no JSON: {_short(text)}") from error
     if not isinstance(found, dict) or not isinstance(found.get("type"), str):
         raise Garbage(f"a line without a type: {_short(text)}")

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from engine.pipelines.controllers.link import Patience, Place
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.numbers import is_count
+from kb.numbers import NumberError, decimal, is_count
 
 HINT = "give --option command='PROGRAM ...' or --option address=HOST:PORT"
 SETTINGS = ("command", "address", "begin", "answer", "heartbeat", "reconnect")
@@ -27,14 +27,18 @@ def patience_of(options: Mapping[str, str]) -> Patience:
     """How long the controller may take. Raises `InvalidInput`."""
     usual = Patience()
     try:
-        begin = float(options.get("begin", usual.begin_s))
-        answer = float(options.get("answer", usual.answer_s))
-        beat = float(options.get("heartbeat", usual.heartbeat_s))
-        again = float(options.get("reconnect", usual.reconnect_s))
-    except ValueError as error:
-        raise InvalidInput(
-            [Diagnostic(Source("--option"), "K406", f"no number of seconds: {error}", "5")]
-        ) from None
+        begin, answer, beat, again = (
+            decimal(options[name]) if name in options else seconds
+            for name, seconds in (
+                ("begin", usual.begin_s),
+                ("answer", usual.answer_s),
+                ("heartbeat", usual.heartbeat_s),
+                ("reconnect", usual.reconnect_s),
+            )
+        )
+    except NumberError as error:
+        said = f"a number of seconds {error}"
+        raise InvalidInput([Diagnostic(Source("--option"), "K406", said, "write answer=5")]) from None
     if not (0 < begin < 1e6 and 0 < answer < 1e6 and 0 < beat < 1e6 and 0 <= again < 1e6):
         raise InvalidInput(
             [Diagnostic(Source("--option"), "K406", "a time must be more than 0 s", "give seconds")]

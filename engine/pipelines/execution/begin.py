@@ -21,7 +21,8 @@ from engine.pipelines.execution.recorder import Recorder, Watcher
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.running import Execution
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.simulation import Memory, World
+from engine.pipelines.past import reading_past
+from engine.pipelines.simulation import Memory, SymbolicWorld
 from engine.pipelines.simulator.driver import fault_base
 from engine.plugins import driver
 from engine.ports import DriverSetup
@@ -95,7 +96,7 @@ def begin(
             more = added_knowledge(_problem(wanted.target, wanted.goals, wanted.command), problem)
             recorder.note(RecordKind.RUN, **document(wanted, problem), **more)
             execution = Execution(run, problem, made, recorder, orders, base, limits)
-            world = World.of(scope.problem, situation_of(problem).state)
+            world = SymbolicWorld.of(scope.problem, situation_of(problem).state)
             return _cleared(wanted, execution.start(found, world, wanted.approve, scope))
         finally:
             made.close()
@@ -107,12 +108,14 @@ def resume(
     """Go on with a run from its journal. Raises `InvalidInput` if there is none, or if it is over."""
     with Journal(store) as journal:
         about = journal.known(run).document
-        problem = _problem(str(about["target"]), str(about["goals"]), str(about["command"]))
+        problem = _problem(*(str(about.get(each, "")) for each in ("target", "goals", "command")))
         first_line = journal.line(run, 1)
-        problem = with_knowledge(problem, first_line.content if first_line else {})
+        with reading_past(store, run):
+            problem = with_knowledge(problem, first_line.content if first_line else {})
         base = fault_base(problem)
-        start = World.of(problem, situation_of(problem).state)
-        past = past_of(journal, run, Past(start, Scope(problem), Memory.of(base)))
+        start = SymbolicWorld.of(problem, situation_of(problem).state)
+        with reading_past(store, run):
+            past = past_of(journal, run, Past(start, Scope(problem), Memory.of(base)))
         if past.plan is None or past.ended in OVER:
             said = f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
             raise InvalidInput([Diagnostic(Source(run), "K421", said, "begin another run")])

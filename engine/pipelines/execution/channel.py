@@ -20,6 +20,7 @@ from typing import Any
 from engine.model.execution import Order, Record, RecordKind
 from engine.pipelines.execution.orders import Given
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.json_text import parsed
 
 ASKED_S = 0.1  # how long a wait for an order is
 PATIENCE_S = 5.0
@@ -165,7 +166,7 @@ class Channel:
         """Answer one caller. A stop has not to wait until another order is answered."""
         with caller, contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             caller.settimeout(PATIENCE_S)
-            asked, came = json.loads(_line(caller)), dict[str, str]()
+            asked, came = parsed(_line(caller)), dict[str, str]()
             if asked["order"] != "state":
                 text, who = str(asked.get("text", "")), str(asked.get("who", ""))
                 came = self._came_of(Given(Order(asked["order"]), text, "socket", who))
@@ -213,7 +214,8 @@ def _only(run: str) -> Path:
 
 def _silent(run: str) -> InvalidInput:
     known = sorted({str(each["run"]) for each in going_on()})
-    hint = f"these go on: {', '.join(known)}" if known else "no run goes on"
+    resume = f"take it up again with: cellwright resume {run}"
+    hint = f"{resume}; these go on: {', '.join(known)}" if known else f"{resume}; no run goes on now"
     said = f"the run {run} does not go on in any process of yours"
     return InvalidInput([Diagnostic(Source(run), "K421", said, hint)])
 
@@ -225,7 +227,7 @@ def _asked(place: Path, order: str, text: str = "", who: str = "") -> Mapping[st
         try:
             line.connect(str(place))
             line.sendall((json.dumps({"order": order, "text": text, "who": who}) + "\n").encode())
-            found = json.loads(_line(line))
+            found = parsed(_line(line))
         except (OSError, ValueError):
             return None
     return found if isinstance(found, dict) and "run" in found and "store" in found else None

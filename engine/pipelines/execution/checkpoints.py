@@ -14,7 +14,7 @@ from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.records import compiled_of, read_atom, steps_entry
 from engine.pipelines.execution.resuming import Past
-from engine.pipelines.simulation import Achievement, World
+from engine.pipelines.simulation import Achievement, SymbolicWorld
 from engine.pipelines.simulation.world import achievement
 from engine.stages.execution.outlook import Accuracy
 from kb.store.journal import Journal, Line
@@ -37,7 +37,7 @@ def state_of(course: Progress) -> dict[str, Any]:
         ],
         "sent": [[entry, at_ms] for entry, at_ms in course.sent.values()],
         "number": standing.number,
-        "accuracy": [course.accuracy.count, course.accuracy.total, course.accuracy.squares],
+        "shares": list(course.accuracy.shares),
         "unrested": sorted(standing.unrested),
         "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
         "before": held.checkpoint,
@@ -101,14 +101,14 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
     if "whole" in content:
         past.entire = partial(_whole, journal, run, content["whole"])
     facts = {read_atom(each) for each in state["facts"]}
-    past.world = World(past.scope.problem.chains, facts, dict(state["reached"]))
+    past.world = SymbolicWorld(past.scope.problem.chains, facts, dict(state["reached"]))
     past.done = {step: 0 for first, last in state["done"] for step in range(first, last + 1)}
     past.done |= dict(state["ended"])
     past.sent = {entry["command"]: (entry, at_ms) for entry, at_ms in state["sent"]}
     past.since = {read_atom(atom): at_ms for atom, at_ms in state["since"]}
     past.cases = {(exception, step): count for exception, step, count in state["cases"]}
     past.unrested = frozenset(state.get("unrested", ()))
-    past.accuracy = Accuracy(*state.get("accuracy", ()))
+    past.accuracy = Accuracy(tuple(state.get("shares", ())))
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]
     past.last = past.checkpoint = number

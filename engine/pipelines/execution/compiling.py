@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import cached_property
 
 from engine.stages.execution import Activity, Dwell, Program
 from engine.stages.macros.lifted.execution import changes_of
@@ -26,14 +27,20 @@ PERSON = "person"  # the stream of steps for a person
 class Compiled:
     """A program, the plan behind it, and what each step changes, in whatever of the plan's orders they are done.
 
-    Steps that interfere are ordered, so what one of them changes does not depend on the others' order.
+    Steps that interfere are ordered, so what one of them changes does not depend on the others' order. `planned` gives the plan:
+    a run that goes on from its journal reads it only when something needs it.
     """
 
     program: Program
-    plan: Plan
+    planned: Callable[[], Plan]
     changes: Mapping[int, StepChange]
     expects: Mapping[int, Term] = field(default_factory=dict)
     results: Mapping[int, Term] = field(default_factory=dict)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan behind the program."""
+        return self.planned()
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +93,7 @@ def compiled(
         dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
     )
     program = Program(activities, dwells, timed, hands=hands)
-    return Compiled(program, plan, changes, expects, results)
+    return Compiled(program, lambda: plan, changes, expects, results)
 
 
 def _activity(
@@ -110,6 +117,13 @@ def _activity(
         looks=looks,
         watches=watches,
     )
+
+
+def alone(domain: Domain, step: Step) -> tuple[Activity, Term]:
+    """A step that belongs to no program, as an activity, and the pattern of a normal reply to it."""
+    operator = next((each for each in domain.operators if each.name == step.operator.name), None)
+    command = _command(operator, step)
+    return _activity(step, operator, command, 0, int(step.duration * unit_ms(domain))), command.reply
 
 
 def queued(compiled: Compiled, lookahead: Callable[[str], int]) -> Compiled:

@@ -8,10 +8,12 @@ from engine.model.execution import Command, CommandKind, RecordKind
 from engine.model.outcome import Found, Infeasible
 from engine.model.troubleshooting import Action, Advice
 from engine.model.wording import counted
-from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, looks_of, stream_of, unit_ms
+from engine.pipelines.execution.commands import command_of
+from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, alone, unit_ms
 from engine.pipelines.execution.course import Course
-from engine.pipelines.execution.hands import Interruption, Performed, perform
+from engine.pipelines.execution.hands import Interruption, perform
 from engine.pipelines.execution.planned import Ready, again
+from engine.pipelines.execution.replies import matched
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.silence import TIMEOUT, cleared_up
 from engine.pipelines.revision.remaining import left_over
@@ -121,13 +123,12 @@ class ExceptionHandler:
         try:
             made = self._looked_into(desk)
             self._diagnosed(made, step)
-            recovery = desk.recover(made, limits=self.limits)
-            if recovery.repair is not None:
-                self._prepare(recovery.repair.prepared.steps)
-                self._act(desk, recovery.repair.name, (CURED, NOT_CURED))
+            recovery = self._recovered(desk, made)
         except Interruption as other:
+            _take(desk, other.taken)
             believed = Findings(desk.beliefs, desk.session.diagnosis()).believed if desk.beliefs else world
             self._believe(believed, f"while {exception} was looked into, {other.step} failed")
+            self.story.append(f"{step}: {exception}; while it was looked into, {other.step} failed")
             return self.handled(other.step, None, other.number, other.reply, None, depth + 1)
         except InvalidInput as error:  # what was found contradicts what was believed
             told = error.diagnostics[0].message
@@ -139,12 +140,7 @@ class ExceptionHandler:
         unable: list[str] = []
 
         def answer(action: Action, advice: Advice) -> str | None:
-            try:
-                said = self._answer(desk, action, advice)
-            except Interruption as other:
-                if exception_of(self.base, other.step, other.reply) is not None:
-                    raise
-                said = None
+            said = self._answer(desk, action, advice)
             unable.extend([action.name] if said is None and action.name != QUESTION else [])
             return said
 
@@ -154,6 +150,17 @@ class ExceptionHandler:
             if not unable:
                 return made
             desk.session.leave_out(unable[0])
+
+    def _recovered(self, desk: Desk, made: Diagnosis) -> Recovery:
+        """The recovery, after the repair with which it begins. One that does not help is not tried again."""
+        while (first := (found := desk.recover(made, limits=self.limits)).repair) is not None:
+            self._prepare(first.prepared.steps)
+            if self._act(desk, first.name, (CURED, NOT_CURED)) == CURED:
+                break
+            assert desk.beliefs is not None
+            desk.beliefs.carried_out(first.name, NOT_CURED, first.prepared)
+            made = replace(made, repairs=tuple(each for each in made.repairs if each != first.name))
+        return found
 
     def _goes_on(
         self, exception: str, made: Diagnosis, recovery: Recovery, before: WorldState
@@ -206,9 +213,12 @@ class ExceptionHandler:
     def _answer(self, desk: Desk, action: Action, advice: Advice) -> str | None:
         """What a test, a repair or a person answers, after what prepares it. Raises `Interruption` if a step fails."""
         session = desk.session
-        if action.name != QUESTION and session.prepared is not None:
-            self._prepare(session.prepared.steps)
+        prepared = session.prepared if action.name != QUESTION else None
+        if prepared is not None and not self._is_prepared(desk, prepared.steps):
+            return None
         outcome = self._act(desk, action.name, action.outcomes)
+        if outcome is None and prepared is not None:
+            _take(desk, [step.operator for step in prepared.steps])
         self.course.recorder.note(
             RecordKind.FINDING,
             exception=session.exception,
@@ -237,33 +247,31 @@ class ExceptionHandler:
         made = perform(self.course, command)
         return made.reply if made.reply in outcomes else None
 
+    def _is_prepared(self, desk: Desk, steps: Sequence[Step]) -> bool:
+        """Whether the steps that prepare a test work. Raises `Interruption` if one fails in a way that the fault base knows."""
+        try:
+            self._prepare(steps)
+        except Interruption as other:
+            if exception_of(self.base, other.step, other.reply) is not None:
+                raise
+            _take(desk, other.taken)
+            return False
+        return True
+
     def _prepare(self, steps: Sequence[Step]) -> None:
         """Carry out the steps that prepare a test or a repair, one after another. Raises `Interruption`."""
-        for step in steps:
-            made = self._step(step)
-            if made.reply != made.command.expects:
-                raise Interruption(step.operator, made.command.number, made.reply)
+        for number, step in enumerate(steps):
+            activity, expected = alone(self.scope.problem.domain, step)
+            made = perform(self.course, command_of(0, activity))
+            if matched(expected, made.reply) is None:
+                taken = tuple(each.operator for each in steps[:number])
+                raise Interruption(step.operator, made.command.number, made.reply, taken)
 
-    def _step(self, step: Step) -> Performed:
-        operators = {each.name: each for each in self.scope.problem.domain.operators}
-        declared = operators[step.operator.name].command
-        known = dict(zip(operators[step.operator.name].variables, step.operator.arguments, strict=True))
-        from kb.terms import substitute
 
-        stream = stream_of(substitute(declared.stream, known), step) if declared else str(step.resources[:1])
-        lasts = int(step.duration * unit_ms(self.scope.problem.domain))
-        looks, watches = looks_of(operators[step.operator.name], step)
-        command = Command(
-            0,
-            CommandKind.STEP,
-            stream,
-            str(step.operator),
-            lasts_ms=lasts,
-            timeout_ms=PATIENCE * lasts + GRACE_MS,
-            looks=looks,
-            watches=watches,
-        )
-        return perform(self.course, command)
+def _take(desk: Desk, steps: Sequence[Function]) -> None:
+    """Take in steps that were carried out for a test or a repair which came to nothing."""
+    assert desk.beliefs is not None
+    desk.beliefs.deeds.extend(steps)
 
 
 def exception_of(base: FaultModel | None, step: Function, reply: str) -> str | None:

@@ -18,11 +18,11 @@ class Performed:
 
 
 class Interruption(Exception):
-    """A step failed while a test or a repair was prepared."""
+    """A step failed while a test or a repair was prepared. `taken` are the steps before it, which had their effects."""
 
-    def __init__(self, step: Function, number: int, reply: str) -> None:
+    def __init__(self, step: Function, number: int, reply: str, taken: tuple[Function, ...] = ()) -> None:
         super().__init__(f"{step} was answered '{reply}'")
-        self.step, self.number, self.reply = step, number, reply
+        self.step, self.number, self.reply, self.taken = step, number, reply, taken
 
 
 class Ended(Exception):

@@ -14,7 +14,7 @@ from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.revision.remaining import left_over
-from engine.pipelines.simulation import World, WorldState
+from engine.pipelines.simulation import SymbolicWorld, WorldState
 from engine.pipelines.timetable import operators_of
 from engine.stages.execution import Running, Standing, standing_of
 from engine.stages.grounding import ground
@@ -36,7 +36,7 @@ def ahead(course: Progress, chains: Sequence[Chain] | None = None) -> WorldState
     """The world when all that is under way has ended as it should; with `chains` for the workflow, if they are others."""
     pursued = course.world.chains if chains is None else chains
     reached = {chain.name: 0 for chain in pursued} | course.world.reached
-    world = World(pursued, set(course.world.facts), reached)
+    world = SymbolicWorld(pursued, set(course.world.facts), reached)
     for _, running in sorted(course.standing.running.items()):
         world.apply(course.compiled.changes[running.activity])
     return world.state

@@ -92,7 +92,7 @@ def ready(
     begin = here or situation_of(problem)
     wishes = wishes_for(PlanGate().semantics(problem), plan)
     stays = tuple(stays_of(plan, wishes, begin, since))
-    waits = bool(wishes.travel or wishes.longest_stay or wishes.release)
+    waits = bool(wishes.travel or wishes.longest_stay or wishes.release or wishes.windows)
     made = compiled(problem, plan, times, begin_ms, stays, waits, begin)
     last = max((times[step.id] + step.duration for step in plan.steps), default=0)
     return Ready(problem, plan, times, made, last)

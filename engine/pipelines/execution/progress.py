@@ -6,13 +6,14 @@ from functools import lru_cache
 from typing import Any
 
 from engine.model.execution import Command, CommandKind, Phase, RecordKind, Reply, RunState
+from engine.pipelines.execution.commands import command_of
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.measuring import Measuring
-from engine.pipelines.simulation import Achievement, Memory, World
+from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
 from engine.pipelines.simulation.world import achievement
 from engine.ports import Driver
 from engine.stages import execution as executive
@@ -93,7 +94,7 @@ class Progress:
     driver: Driver
     recorder: Recorder
     orders: Orders
-    world: World
+    world: SymbolicWorld
     compiled: Compiled
     standing: Standing
     history: list[Achievement] = field(default_factory=list)
@@ -177,20 +178,7 @@ class Progress:
             self.post(Command(sent.number, kind, sent.stream, kind.value, about=sent.about))
             return
         each = self.compiled.program.activities[sent.activity]
-        command = Command(
-            sent.number,
-            CommandKind.STEP,
-            each.stream,
-            each.action,
-            each.says,
-            each.expects,
-            lasts_ms=each.lasts_ms,
-            timeout_ms=each.timeout_ms,
-            asks=each.asks,
-            looks=each.looks,
-            watches=each.watches,
-        )
-        self.post(command, each.id)
+        self.post(command_of(sent.number, each), each.id)
 
     def ended(self, ended: executive.Done) -> None:
         """Let the world model follow a step that has ended, and note what it has changed."""

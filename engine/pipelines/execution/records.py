@@ -1,9 +1,9 @@
 """Plans in the journal: enough to execute them again without planning, and to show them."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from engine.model.cases import Revision
 from engine.model.execution import Finish
@@ -23,6 +23,7 @@ from kb.store.notation import read_term
 from kb.terms import Function
 
 NOTHING: Mapping[int, int] = {}
+Each = TypeVar("Each")
 
 
 def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
@@ -136,14 +137,32 @@ def compiled_of(entry: Mapping[str, Any]) -> Compiled:
     activities = {number: activity_of(each) for number, each in steps.items()}
     dwells, hands = tuple(Dwell(*each) for each in entry["dwells"]), frozenset(entry.get("hands", ()))
     program = Program(activities, dwells, entry["timed"], hands=hands)
-    plan = Plan(tuple(_step(steps[number]) for number in entry["order"]))
     return Compiled(
         program,
-        plan,
-        {number: _change(each) for number, each in steps.items()},
-        {number: _pattern(each["expects"]) for number, each in steps.items()},
-        {number: _pattern(each["result"]) for number, each in steps.items() if "result" in each},
+        lambda: Plan(tuple(_step(steps[number]) for number in entry["order"])),
+        Read(steps, _change),
+        Read(steps, lambda each: _pattern(each["expects"])),
+        Read(
+            {n: each for n, each in steps.items() if "result" in each}, lambda each: _pattern(each["result"])
+        ),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Read(Mapping[int, Each], Generic[Each]):
+    """What the steps of a record say, each read when it is asked for: of a long plan a run that goes on needs little at once."""
+
+    steps: Mapping[int, Mapping[str, Any]]
+    read: Callable[[Mapping[str, Any]], Each]
+
+    def __getitem__(self, number: int) -> Each:
+        return self.read(self.steps[number])
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.steps)
+
+    def __len__(self) -> int:
+        return len(self.steps)
 
 
 def scope_of(scope: Scope, entry: Mapping[str, Any]) -> Scope:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.records import read_atom
 from kb.asp import AspError, ground_term
 from kb.terms import Function, Term, Variable, is_ground, match, substitute
 
@@ -12,12 +13,11 @@ class Replies:
 
     def __init__(self, compiled: Compiled) -> None:
         self.compiled = compiled
-        self._steps = {int(step.id): step.operator for step in compiled.plan.steps}
         self._texts: dict[Term, str] = {}  # of the patterns without variables
 
     def step(self, activity: int) -> Function:
         """The step of an activity."""
-        return self._steps[activity]
+        return read_atom(self.compiled.program.activities[activity].action)
 
     def is_normal(self, activity: int, text: str) -> bool:
         """Whether a reply is the one that the domain expects."""
@@ -35,7 +35,12 @@ class Replies:
             self._texts[pattern] = str(pattern) if is_ground(pattern) else ""
         if self._texts[pattern]:
             return {} if self._texts[pattern] == text else None
-        try:
-            return match(pattern, ground_term(text), {})
-        except AspError:
-            return None
+        return matched(pattern, text)
+
+
+def matched(pattern: Term, text: str) -> Mapping[Variable, Term] | None:
+    """What the variables of a reply pattern are in a reply; None if it is not the one that is expected."""
+    try:
+        return match(pattern, ground_term(text), {})
+    except AspError:
+        return None

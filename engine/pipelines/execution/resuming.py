@@ -14,7 +14,7 @@ from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.progress import Written, head_of
 from engine.pipelines.execution.records import activity_of, read_atom, scope_of
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.simulation import Achievement, Memory, World
+from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
 from engine.pipelines.simulation.world import achievement
 from engine.stages.execution import unrested_after
 from engine.stages.execution.outlook import Accuracy
@@ -40,7 +40,7 @@ class Past:
     `case` are the records since the exception that was being handled when the run ended; empty if none was.
     """
 
-    world: World
+    world: SymbolicWorld
     scope: Scope
     memory: Memory = field(default_factory=Memory)
     plan: Content | None = None

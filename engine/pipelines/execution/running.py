@@ -22,7 +22,7 @@ from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import restore, settle, standing_again
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.revision.remaining import left_over
-from engine.pipelines.simulation import Memory, World
+from engine.pipelines.simulation import Memory, SymbolicWorld
 from engine.ports import Driver
 from engine.stages.execution import Standing, standing_of
 from engine.stages.planning import Limits
@@ -53,7 +53,9 @@ class Execution:
         default_factory=list
     )  # further commands, as a checkpoint has them
 
-    def start(self, ready: Ready, world: World, approve: bool = False, scope: Scope | None = None) -> Finish:
+    def start(
+        self, ready: Ready, world: SymbolicWorld, approve: bool = False, scope: Scope | None = None
+    ) -> Finish:
         """Execute a first plan to the end of the run. `scope` says which of the goals it is for; all, if it is not given."""
         scope = scope or Scope(self.problem)
         compiled = queued(ready.compiled, self.driver.lookahead)
@@ -82,7 +84,7 @@ class Execution:
         handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
         return self.guarded(course, past.scope, handler=handler, past=past)
 
-    def _course(self, compiled: Compiled, standing: Standing, world: World) -> Course:
+    def _course(self, compiled: Compiled, standing: Standing, world: SymbolicWorld) -> Course:
         return Course(
             self.run,
             self.driver,

@@ -39,7 +39,7 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
     A measurement without a `position` is impossible, unless a table gives the travel times. If `placed` is given, it names the measurements whose place is known
     from another source, and the `position` facts are not consulted.
     """
-    _require_choice(problem)
+    require_choice(problem)
     words, grounder, measurements = problem.domain.conventions, _grounded(problem), measurements_of(problem)
     choices = sorted(grounder.atoms(words.chosen, 2), key=str, reverse=True)
     chosen = {str(name): str(tool) for tool, name in choices}
@@ -59,7 +59,8 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
     return Partition({tool: names for tool, names in groups.items() if names}, done, impossible)
 
 
-def _require_choice(problem: Problem) -> None:
+def require_choice(problem: Problem) -> None:
+    """Refuse a problem whose domain does not choose tools for measurements. Raises `InvalidInput`."""
     if chooses_tools(problem.domain):
         return
     words = problem.domain.conventions

@@ -110,7 +110,8 @@ def carried(start: End, goals: Sequence[End], tool: str = "") -> Place:
     near = [place for place in places if place.approach_m == 0.0]
     allowed = tuple(dict.fromkeys(name for place in near for name in place.touches))
     blank = Place("", Placement(), start.arm)
-    return replace(blank, tool=tools[0] if tools else "", touches=allowed)
+    depth_m = min((place.depth_m for place in near if place.touches), default=blank.depth_m)
+    return replace(blank, tool=tools[0] if tools else "", touches=allowed, depth_m=depth_m)
 
 
 def tool_of(text: str, cell: Cell) -> str:

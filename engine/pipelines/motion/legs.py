@@ -3,25 +3,29 @@
 What touches by intention may touch on the straight lines alone, and is proved there pair by pair.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from engine.kernels.geometry.proof import proved
 from engine.kernels.linear import matmul
 from engine.model.geometry import Floats
-from engine.model.motion import FINEST_M
+from engine.model.motion import FINEST_M, Answer, Moved, Query
 from engine.pipelines.motion.ends import End
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.reach.straight import Broken, straight
+from engine.stages.motion.planner import tried
 from engine.stages.motion.touching import Touch, touches
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Place
 
 LINES = 32  # configurations of a place from which a line is tried
+BETWEEN = 8  # configurations of a line that are looked at between two
+FURTHER = 10  # a search after the first one has this part of the budget
 RETRACT, FREE, APPROACH = "retract", "free", "approach"
 
 
@@ -52,26 +56,68 @@ class Departures:
 def departures(end: End, whole: Floats, reach: Reachability, hand: ArmHand, option: str) -> Departures:
     """The straight lines out of a place, from its configurations (n, k), until `LINES` are tried.
 
+    Lines on which something that may touch was seen deeper than the place's `depth` are left out, unless there are no others.
     Raises `InvalidInput` if every line breaks, with the reason for the first.
     """
     if end.place is None or end.place.approach_m == 0.0:
         return Departures(whole, (None,) * len(whole), end.place)
-    place = end.place
-    ground, found, why = Ground(reach.checker(place)), [], ""
+    place, ground = end.place, Ground(reach.checker(end.place))
+    lines, why = [], ""
     for q in whole[:LINES]:
-        T_back = matmul(hand.poses(q[None])[0], transforms.translation(0.0, 0.0, -place.approach_m))
-        line = straight(hand, q, T_back)
-        if isinstance(line, Broken):
-            away = f"{line.share * place.approach_m * 1000:.0f} mm from it"
-            why = why or f"the straight line out of {end.name} breaks {away}: {line.why}"
-        elif proved(ground.proof(0.0, FINEST_M), line) < len(line) - 1:
-            why = why or _what_blocks(ground, line, end.name)
+        line = _line_out(end.name, place, ground, hand, q)
+        if isinstance(line, str):
+            why = why or line
         else:
-            found.append(line)
-    if not found:
+            lines.append(line)
+    if not lines:
         hint = "give another `approach` or `rpy`, or let the tool turn with `turns: true`"
         raise InvalidInput([Diagnostic(Source(option), "K705", why, hint)])
+    meant = reach.shallow(place)
+    found = [line for line in lines if not meant.collides(_between(line)).any()] or lines
     return Departures(np.array([line[-1] for line in found]), tuple(found), place)
+
+
+def _line_out(name: str, place: Place, ground: Ground, hand: ArmHand, q: Floats) -> Floats | str:
+    """The straight line (m, k) out of a place from a configuration (k,), or why there is none."""
+    T_back = matmul(hand.poses(q[None])[0], transforms.translation(0.0, 0.0, -place.approach_m))
+    line = straight(hand, q, T_back)
+    if isinstance(line, Broken):
+        away = f"{line.share * place.approach_m * 1000:.0f} mm from it"
+        return f"the straight line out of {name} breaks {away}: {line.why}"
+    if proved(ground.proof(0.0, FINEST_M), line) < len(line) - 1:
+        return _what_blocks(ground, line, name)
+    return line
+
+
+def _between(line: Floats) -> Floats:
+    """The configurations of a line (m, k), and some between them."""
+    shares = np.linspace(0.0, 1.0, BETWEEN)[:, None]
+    return np.concatenate([a + shares * (b - a) for a, b in pairwise(line)])
+
+
+def _touched(path: Floats, place: Place, reach: Reachability) -> tuple[Touch, ...]:
+    """What touches on a path (m, k) as a place allows, pair by pair."""
+    if not place.touches:
+        return ()
+    return touches(Ground(reach.meeting(place)), path, place.depth_m)
+
+
+def shallower(answer: Answer, query: Query, place: Place, reach: Reachability, hand: ArmHand) -> Answer:
+    """The answer, or one whose path keeps what may touch within the place's `depth`, if the first does not and there is one.
+
+    The first search does not know of depths, because that makes it many times as fast.
+    """
+    if not isinstance(answer, Moved) or all(each.proved for each in _touched(answer.path, place, reach)):
+        return answer
+    ground = Ground(reach.shallow(place))
+    for finer in (1, 4, 16):
+        budget, step = max(1, query.budget // FURTHER), query.step / finer
+        again = tried(ground, replace(query, budget=budget, step=step), hand)
+        if not isinstance(again, Moved):
+            break
+        if again.proved and all(each.proved for each in _touched(again.path, place, reach)):
+            return again
+    return answer
 
 
 def _what_blocks(ground: Ground, line: Floats, name: str) -> str:
@@ -88,6 +134,13 @@ def _what_blocks(ground: Ground, line: Floats, name: str) -> str:
 def leg_of(kind: str, line: Floats, place: Place, reach: Reachability) -> Leg:
     """The leg of a line out of a place (m, k), or into it, with what touches on it by intention."""
     path = line if kind == RETRACT else line[::-1].copy()
-    pairs = touches(Ground.paired(reach.meeting(place)), path, place.depth_m)
+    pairs = _touched(path, place, reach)
     proved_all = all(each.proved for each in pairs)
     return Leg(kind, path, proved_all, Ground(reach.checker(place)), touches=pairs)
+
+
+def free_leg(blank: Leg, answer: Moved, place: Place, reach: Reachability) -> Leg:
+    """The leg of a free path, with what touches on it because an end without a straight line allows it."""
+    pairs = _touched(answer.path, place, reach)
+    sure = answer.proved and all(each.proved for each in pairs)
+    return replace(blank, path=answer.path, proved=sure, touches=pairs)

@@ -6,10 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.model.motion import Answer, Moved, Query, Strategy
+from engine.model.motion import Answer, Blocked, Moved, Query, Strategy
 from engine.pipelines.files import initial_facts
 from engine.pipelines.motion.ends import End, carried, end_of, tool_of
-from engine.pipelines.motion.legs import APPROACH, FREE, RETRACT, Departures, Leg, departures, leg_of
+from engine.pipelines.motion.legs import (
+    APPROACH,
+    FREE,
+    FURTHER,
+    LINES,
+    RETRACT,
+    Departures,
+    Leg,
+    departures,
+    free_leg,
+    leg_of,
+    shallower,
+)
 from engine.pipelines.motion.timing import Timed, timed
 from engine.pipelines.motion.zones import zones_of
 from engine.plugins import geometry_backend
@@ -18,11 +30,12 @@ from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
-from engine.stages.motion.planner import plan
+from engine.stages.motion.planner import plan, tried
 from engine.stages.motion.refining import proved_and_refined
 from engine.stages.motion.trajectory import Limits
 from engine.stages.motion.upright import Level
 from kb.loader.cell import cell_of
+from kb.model.cell import Place
 
 UNKNOWN_SPEED = 1.0  # rad/s or m/s
 SWIFT = 4.0  # 1/s: of a joint whose acceleration is unknown: full speed after a quarter of a second
@@ -125,15 +138,16 @@ def move(site: Site, start: str, goals: Sequence[str], wish: Wish = Wish()) -> M
     now = site.world.configurations[place.arm]
     out, *_ = _departures(site, hand, "--from", [begin], now, limits)
     ins = _departures(site, hand, "--to", arrive, out.configurations[0][hand.own], limits)
-    query = _query(hand, out, ins, wish)
-    answer = plan(ground, query, hand)
+    first, query, answer = _planned(ground, hand, out, ins, wish)
     if wish.refine and not wish.upright_rad and isinstance(answer, Moved):
         speeds = np.ones(site.world.joints.count)
         speeds[hand.own] = limits.speed
         answer = proved_and_refined(ground, query, answer, speeds, wish.refine).found
+    answer = shallower(answer, query, place, site.reach, hand)
     names = tuple(joint.name for joint in site.world.models[place.arm].arm.joints)
     blank = Leg(FREE, query.start[None], False, ground, wish.margin_m)
-    legs, n = _legs(answer, out, ins, site.reach, blank)
+    free = free_leg(blank, answer, place, site.reach) if isinstance(answer, Moved) else None
+    legs, n = _legs(answer, free, (out.lines[first], out.place), ins, site.reach)
     level = Level.at(hand, query.start, wish.upright_rad) if wish.upright_rad else None
     times = timed(legs, limits, hand.own, zones_of(site.world, ground), wish.smooth, level)
     goal = arrive[n].name
@@ -165,9 +179,33 @@ def _departures(
     return found
 
 
-def _query(hand: ArmHand, out: Departures, ins: Sequence[Departures], wish: Wish) -> Query:
+def _planned(
+    ground: Ground, hand: ArmHand, out: Departures, ins: Sequence[Departures], wish: Wish
+) -> tuple[int, Query, Answer]:
+    """The number of a start, what was asked from there, and the answer: the first that is proved, else the best one.
+
+    The first start has the whole budget, each further one a tenth of it. That no path exists counts if it holds for all.
+    """
+    found: list[tuple[int, Query, Answer]] = []
+    for n, start in enumerate(out.configurations[:LINES]):
+        budget = max(1, wish.budget // FURTHER) if n else wish.budget
+        query = _query(hand, start, ins, replace(wish, budget=budget))
+        look = tried if found and _is_open(found[0][2]) else plan
+        answer = look(ground, query, hand)
+        if isinstance(answer, Moved) and answer.proved:
+            return n, query, answer
+        found.append((n, query, answer))
+    return min(found, key=lambda each: (not isinstance(each[2], Moved), not _is_open(each[2])))
+
+
+def _is_open(answer: Answer) -> bool:
+    """Whether an answer leaves open if there is a path."""
+    return isinstance(answer, Blocked) and answer.severed is None
+
+
+def _query(hand: ArmHand, start: Floats, ins: Sequence[Departures], wish: Wish) -> Query:
     return Query(
-        out.configurations[0],
+        start,
         np.concatenate([each.configurations for each in ins]),
         margin_m=wish.margin_m,
         seed=wish.seed,
@@ -180,20 +218,23 @@ def _query(hand: ArmHand, out: Departures, ins: Sequence[Departures], wish: Wish
 
 
 def _legs(
-    answer: Answer, out: Departures, ins: list[Departures], reach: Reachability, blank: Leg
+    answer: Answer,
+    free: Leg | None,
+    out: tuple[Floats | None, Place | None],
+    ins: list[Departures],
+    reach: Reachability,
 ) -> tuple[tuple[Leg, ...], int]:
-    """The legs of an answer, and the number of the end that is reached."""
-    if not isinstance(answer, Moved):
+    """The legs of an answer, from the line out of the start on, and the number of the end that is reached."""
+    if not isinstance(answer, Moved) or free is None:
         return (), 0
     n, goal = 0, answer.goal
     while goal >= len(ins[n].lines):
         goal -= len(ins[n].lines)
         n += 1
-    legs = [replace(blank, path=answer.path, proved=answer.proved)]
-    first, last = out.lines[0], ins[n].lines[goal]
-    if first is not None and out.place is not None:
-        legs.insert(0, leg_of(RETRACT, first, out.place, reach))
-    place = ins[n].place
+    legs, (first, left) = [free], out
+    last, place = ins[n].lines[goal], ins[n].place
+    if first is not None and left is not None:
+        legs.insert(0, leg_of(RETRACT, first, left, reach))
     if last is not None and place is not None:
         legs.append(leg_of(APPROACH, last, place, reach))
     return tuple(legs), n

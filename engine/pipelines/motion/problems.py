@@ -117,6 +117,9 @@ def problems_in(content: Any, path: str) -> list[Problem]:
     if not isinstance(listed, list) or not all(_is_problem(each) for each in listed):
         hint = 'write {"problems": [{"from": "home", "to": "0, 90, 0, 0, 0, 0"}, ...]}'
         raise InvalidInput([Diagnostic(Source(path), "K413", "this is no set of problems for motions", hint)])
+    if not listed:
+        hint = "draw some: cellwright motion problems CELL --count 20 -o SET"
+        raise InvalidInput([Diagnostic(Source(path), "K413", "this set has no problems", hint)])
     return [Problem(each["from"], each["to"], each.get("answer")) for each in listed]
 
 

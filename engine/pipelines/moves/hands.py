@@ -11,7 +11,7 @@ from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.kept import KeptRoadmaps
 from engine.stages.motion.trajectory import Limits, fastest
-from kb.model.cell import BodyKind, Cell, Place
+from kb.model.cell import Arm, BodyKind, Cell, Place
 
 BUDGET = 400_000  # configurations that the search for a way looks at
 CARRYING = 0.5  # of the full speed and acceleration: for a part that friction alone holds
@@ -71,11 +71,7 @@ class Hands:
         self, kind: LegKind, arm: str, path: Floats, room: Room, proved: bool = True, factor: float = 1.0
     ) -> Leg:
         """A leg in the least time, within what the joints can do."""
-        joints = self.cell.arms[arm].arm.joints
-        speed = np.array([joint.speed or UNKNOWN_SPEED for joint in joints]) * factor
-        rated = np.array([joint.acceleration or SWIFT * (joint.speed or UNKNOWN_SPEED) for joint in joints])
-        rated = rated * factor
-        corners = fastest(path, Limits(speed, rated, rated * ABRUPT)).corners_s
+        corners = corners_s(self.cell.arms[arm].arm, path, factor)
         return Leg(kind, arm, path, corners, proved, held(room.world, arm))
 
     def way(self, room: Room, arm: str, goals: Floats, budget: int = BUDGET) -> Leg | Blocked | None:
@@ -112,6 +108,14 @@ class Hands:
             return None
         path = np.concatenate([back.path, on.path[1:]])
         return replace(on, path=path, proved=back.proved and on.proved)
+
+
+def corners_s(arm: Arm, path: Floats, factor: float = 1.0) -> Floats:
+    """When an arm is at each configuration of a path (m, k), in the least time within what a share of its joints' limits allows."""
+    speed = np.array([joint.speed or UNKNOWN_SPEED for joint in arm.joints]) * factor
+    rated = np.array([joint.acceleration or SWIFT * (joint.speed or UNKNOWN_SPEED) for joint in arm.joints])
+    rated = rated * factor
+    return fastest(path, Limits(speed, rated, rated * ABRUPT)).corners_s
 
 
 def held(world: World, arm: str) -> tuple[str, ...]:

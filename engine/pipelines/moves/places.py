@@ -33,14 +33,29 @@ def with_measured_places(cell: Cell, problem: Problem, tools: Mapping[str, str])
     """
     words, motion = problem.domain.conventions, problem.domain.motion
     points, normals = _triples(problem, words.position), _triples(problem, words.normal)
-    found = {}
+    found, widths = {}, _widths(problem, words.bore)
     for name, point in points.items():
         at, tool = words.place(name), tools.get(name, "")
         if at in cell.places or tool not in cell.measuring or not cell.arms:
             continue
         normal = normals.get(name, np.array([0.0, 0.0, -1000.0]))
-        found[at] = _place(at, point * MICRO, normal, cell.measuring[tool], _frame(motion), tool, cell)
+        place = _place(at, point * MICRO, normal, cell.measuring[tool], _frame(motion), tool, cell)
+        found[at] = replace(place, patch_m=_side(cell.measuring[tool], widths.get(name, 0.0)))
     return replace(cell, places={**cell.places, **found}) if found else cell
+
+
+def _widths(problem: Problem, predicate: str) -> dict[str, float]:
+    """How wide (m) the bores are that measurements lie in."""
+    facts = [
+        each.arguments for each in problem.statics if each.name == predicate and len(each.arguments) == 2
+    ]
+    return {str(name): width.value * MICRO for name, width in facts if isinstance(width, Number)}
+
+
+def _side(how: Measuring, width_m: float) -> float:
+    """The side of the patch that a scanner must see: as wide as a bore, else the least that it measures."""
+    least, most = how.patch_m
+    return min(max(width_m, least), most, how.field_m) if width_m else least
 
 
 def _frame(motion: Motion | None) -> str:

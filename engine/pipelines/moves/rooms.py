@@ -35,6 +35,7 @@ class Room:
     kinematics: Mapping[str, InverseKinematics]
     _grounds: dict[tuple[str, str, tuple[str, ...]], Ground] = field(default_factory=dict)
     _meetings: dict[tuple[str, str, tuple[str, ...]], Ground] = field(default_factory=dict)
+    _free: dict[tuple[str, str, tuple[str, ...], float, bytes], bool] = field(default_factory=dict)
 
     @cached_property
     def reach(self) -> Reachability:
@@ -60,21 +61,22 @@ class Room:
         """Configurations (n, k) of all joints of the world, of which those of one arm are given."""
         return self.reach.whole(Place("", Placement(), arm), q)
 
-    def poses(self, place: Place, now: Floats) -> Floats:
+    def poses(self, place: Place, now: Floats, back_m: float = 0.0) -> Floats:
         """Configurations (n, k) that put the tool at a place, in any turn and branch, within the limits; the nearest first.
 
-        What they touch is not looked at.
+        What they touch is not looked at. With `back_m` the tool is so far back along its z.
         """
-        return self.poses_at([place], now)[0]
+        return self.poses_at([place], now, back_m)[0]
 
-    def poses_at(self, places: Sequence[Place], now: Floats) -> list[Floats]:
+    def poses_at(self, places: Sequence[Place], now: Floats, back_m: float = 0.0) -> list[Floats]:
         """The same for places of one arm."""
-        targets = [self.reach.target(place) for place in places]
+        targets = [self.reach.target(place, back_m) for place in places]
         arm, ends = places[0].arm, np.cumsum([len(each) for each in targets])[:-1]
         found = self.kinematics[arm].solve(np.concatenate(targets))
         ordered = []
-        for q, valid in zip(np.split(found.q, ends), np.split(found.valid, ends), strict=True):
-            inside = nearest_turns(self._model(arm), q[valid], now)
+        for place, q, valid in zip(places, np.split(found.q, ends), np.split(found.valid, ends), strict=True):
+            seen = valid & self.reach.seen_at(place, np.asarray(valid.any(axis=1)))[:, None]
+            inside = nearest_turns(self._model(arm), q[seen], now)
             ordered.append(inside[np.argsort(np.abs(inside - now).max(axis=1), kind="stable")])
         return ordered
 
@@ -120,7 +122,17 @@ class Room:
         ]
 
     def is_free(self, place: Place, path: Floats) -> bool:
-        """Whether nothing touches that must not, or deeper than it may, anywhere on a path (m, k) of the place's arm."""
+        """Whether nothing touches that must not, or deeper than it may, anywhere on a path (m, k) of the place's arm.
+
+        The way back is as free as the way there.
+        """
+        same = min(path.tobytes(), path[::-1].tobytes())
+        key = (place.arm, place.tool, place.touches, place.depth_m, same)
+        if key not in self._free:
+            self._free[key] = self._found_free(place, path)
+        return self._free[key]
+
+    def _found_free(self, place: Place, path: Floats) -> bool:
         ground, whole = self.ground(place), self.whole(place.arm, path)
         if ground.collides(whole).any():
             return False
@@ -132,7 +144,7 @@ class Room:
     def _meeting(self, place: Place) -> Ground:
         key = (place.arm, place.tool, place.touches)
         if key not in self._meetings:
-            self._meetings[key] = Ground.paired(self.reach.meeting(place))
+            self._meetings[key] = Ground(self.reach.meeting(place))
         return self._meetings[key]
 
     def collides(self, place: Place, q: Floats) -> Truths:

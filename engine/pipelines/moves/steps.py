@@ -1,20 +1,20 @@
 """The motion of one step at a place: a way to its front, straight in, what is done there, and straight out again."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from engine.kernels.linear import matmul
-from engine.model.geometry import Contact, Floats
+from engine.model.geometry import Floats
 from engine.model.motion import Blocked
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
-from engine.pipelines.moves.hands import Front, Hands, held
+from engine.pipelines.moves.hands import Front, Hands
+from engine.pipelines.moves.refusing import Refusal
 from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry import transforms
-from engine.stages.geometry.reach.reach import Unreached
 from engine.stages.geometry.world.model import World
-from kb.model.cell import Ends, JointKind, Operation, Place, Placement
+from kb.model.cell import Ends, JointKind, Operation, Place
 from kb.model.plan import Step
 
 TRIED = (
@@ -66,7 +66,7 @@ class StepMotion:
 
     def _from_front(self, standing: Front) -> MovedStep | None:
         """The step with the straight way that the arm stands before; None if that does not serve it."""
-        if not self.before.is_free(self.place, standing.straight):
+        if not self._leads_in(standing.straight):
             return None
         legs = self._at_place(standing.straight)
         return None if isinstance(legs, str) else self._made(legs)
@@ -75,6 +75,8 @@ class StepMotion:
         """A way from where the arm is, to a straight way that is known or found now."""
         if (known := self._as_known()) is not None:
             return known
+        if (unseen := self.before.reach.unseen(self.place)) is not None:
+            return self._refusal.unseen(unseen, sure=not self.known)
         free = self._free_poses()
         if isinstance(free, Unmoved):
             return free
@@ -86,21 +88,38 @@ class StepMotion:
                 continue
             found = self.hands.way(self.before, self.arm, np.array(fronts), budget)
             if isinstance(found, Leg):
-                return self._arrived(found, ready)
+                return self._arrived(found, _ending_there(found, ready))
             blocked = found
-        return self._no_way(blocked) if fronts else self._no_straight(free)
+        if fronts:
+            return self._refusal.no_way(blocked)
+        sure = not self.operation.drags and not self.known  # those that are known may be tilted
+        return self._refusal.no_straight([self._straight_to(q) for q in free], sure)
+
+    @property
+    def _refusal(self) -> Refusal:
+        return Refusal(self.step, self.place, self.hands.cell, self.before, self.after)
 
     def _as_known(self) -> MovedStep | None:
         """The step by one of the straight ways that are known, the nearest first; None if none serves it now."""
         now = self.hands.now(self.arm)
         near = sorted(self.known, key=lambda path: float(np.abs(path[0] - now).max()))
         for ways, budget in zip((near[:KNOWN], near), BUDGET, strict=True):
-            ready = [path for path in ways if self._serves(path)]
-            if not ready:
-                continue
+            if (found := self._by_one_of(ways, budget)) is not None:
+                return found
+        return None
+
+    def _by_one_of(self, ways: Sequence[Floats], budget: int) -> MovedStep | None:
+        """The step by one of some straight ways; the one that the arm gets to is looked at, others only where it does not serve."""
+        first = next((n for n, path in enumerate(ways) if self._serves(path)), len(ways))
+        ready = [path for path in ways[first:] if self._front_is_free(path[0])]
+        while ready:
             found = self.hands.way(self.before, self.arm, np.array([path[0] for path in ready]), budget)
-            if isinstance(found, Leg):
-                return self._arrived(found, ready)
+            if not isinstance(found, Leg):
+                return None
+            straight = _ending_there(found, ready)
+            if self._serves(straight):
+                return self._arrived(found, straight)
+            ready = [path for path in ready if path is not straight]
         return None
 
     def _free_poses(self) -> Floats | Unmoved:
@@ -110,13 +129,11 @@ class StepMotion:
             free: Floats = poses[~self.before.collides(self.place, poses)]
             if len(free):
                 return free
-        return poses[:0] if self.operation.ends is Ends.BEFORE else self._unreached(poses)
+        return poses[:0] if self.operation.ends is Ends.BEFORE else self._refusal.unreached(poses)
 
-    def _arrived(self, way: Leg, ready: list[Floats]) -> MovedStep:
-        """The step after the way to the front of the place."""
-        reached = way.path[-1]
-        straight = next((path for path in ready if np.abs(path[0] - reached).max() < 1e-9), reached[None])
-        self.hands.arrive(self.arm, reached, Front(self.place.name, straight))
+    def _arrived(self, way: Leg, straight: Floats) -> MovedStep:
+        """The step after the way to the front of the place, where a straight way (m, k) begins."""
+        self.hands.arrive(self.arm, way.path[-1], Front(self.place.name, straight))
         if self.operation.ends is Ends.BEFORE:
             return self._made([way])
         legs = self._at_place(straight)
@@ -143,9 +160,13 @@ class StepMotion:
 
     def _serves(self, path: Floats) -> bool:
         """Whether the whole step can be taken by a straight way into the place."""
-        if not self._front_is_free(path[0]) or not self.before.is_free(self.place, path):
+        if not self._front_is_free(path[0]) or not self._leads_in(path):
             return False
         return not isinstance(self._at_place(path, dry=True), str)
+
+    def _leads_in(self, path: Floats) -> bool:
+        """Whether a straight way leads to where the tool sees what it must, and touches nothing that it may not."""
+        return self.before.reach.sees(self.place, path[-1]) and self.before.is_free(self.place, path)
 
     def _front_is_free(self, q: Floats) -> bool:
         return not bool(self.before.free(self.arm).collides(self.before.whole(self.arm, q[None]))[0])
@@ -154,14 +175,7 @@ class StepMotion:
         """Configurations before the place, if that is where the step ends; whether the arm gets in from there is not asked."""
         if self.operation.ends is not Ends.BEFORE:
             return []
-        away = matmul(
-            transforms.of_pose(self.place.placement.pose),
-            transforms.translation(0, 0, -self.place.approach_m),
-        )
-        before = replace(
-            self.place, placement=Placement(self.place.placement.parent, transforms.to_pose(away))
-        )
-        poses = self.before.poses(before, self.hands.now(self.arm))[:tried]
+        poses = self.before.poses(self.place, self.hands.now(self.arm), self.place.approach_m)[:tried]
         return [q for q in poses if self._front_is_free(q)]
 
     def _at_place(self, straight: Floats, dry: bool = False) -> list[Leg] | str:
@@ -219,69 +233,11 @@ class StepMotion:
             self.step.id, self.step.operator, self.place.name, tuple(legs), self.operation.takes_s
         )
 
-    def _unreached(self, poses: Floats) -> Unmoved:
-        """No configuration at the place is free, or there is none."""
-        answer = self.before.reach.at(self.place)
-        reason = answer.reason if isinstance(answer, Unreached) else "no configuration is free"
-        if not len(poses):
-            return self._unmoved("reach", reason, sure=True)
-        culprits = {name for q in poses for name in self._others(q, self.before)}
-        return self._unmoved("contact", reason, tuple(sorted(culprits)), sure=True)
 
-    def _no_straight(self, poses: Floats) -> Unmoved:
-        """The arm gets to the place in some configurations, but not straight in and out in any of them.
-
-        It is sure if something that touches was found for each way that the arm can follow.
-        """
-        culprits, sure = set[str](), not self.operation.drags
-        for q in poses:
-            path = self._straight_to(q)
-            touched = set(self._touched_along(path)) if path is not None else set()
-            sure = sure and (path is None or bool(touched))
-            culprits |= touched
-        sure = sure and not self.known  # those that are known may be tilted
-        past = f" past {', '.join(sorted(culprits))}" if culprits else ""
-        reason = f"there is no straight way in and out{past}"
-        return self._unmoved("approach", reason, tuple(sorted(culprits)), sure)
-
-    def _touched_along(self, path: Floats) -> Iterator[str]:
-        """What is touched first on a straight way into the place, or on the way out of it."""
-        for room in (self.before, self.after):
-            hits = room.collides(self.place, path)
-            if hits.any():
-                yield from self._others(path[int(np.argmax(hits))], room)
-                return
-        yield from self._strangers(
-            self.before.free(self.arm).contacts(self.before.whole(self.arm, path[:1])[0])
-        )
-
-    def _others(self, q: Floats, room: Room) -> Iterator[str]:
-        """The bodies that the arm, or what it holds, touches at a configuration."""
-        return self._strangers(room.touching(self.place, q))
-
-    def _strangers(self, contacts: Iterable[Contact]) -> Iterator[str]:
-        """What is in contact, except for the arm and what it holds; the arm's own name where it touches itself."""
-        own = {*held(self.before.world, self.arm), *held(self.after.world, self.arm)}
-        for contact in contacts:
-            names = [
-                name
-                for name in (contact.first, contact.second)
-                if name not in own and not name.startswith(f"{self.arm}.")
-            ]
-            yield from names or [self.arm]
-
-    def _no_way(self, found: Blocked | None) -> Unmoved:
-        if found is None:
-            return self._unmoved("way", f"{self.arm} stands where something touches it")
-        names = {name for each in found.contacts for name in (each.first, each.second)}
-        reason = "no way leads there" + (f" past {', '.join(sorted(names))}" if names else "")
-        return self._unmoved("way", reason, tuple(sorted(names)))
-
-    def _unmoved(
-        self, level: str, reason: str, culprits: tuple[str, ...] = (), sure: bool = False
-    ) -> Unmoved:
-        bodies = tuple(each for each in culprits if each in self.hands.cell.bodies)
-        return Unmoved(self.step.id, self.step.operator, self.place.name, level, reason, bodies, sure=sure)
+def _ending_there(way: Leg, ready: Sequence[Floats]) -> Floats:
+    """The straight way (m, k) that begins where another way ends; of none, that end alone."""
+    end = way.path[-1]
+    return next((path for path in ready if np.abs(path[0] - end).max() < 1e-9), end[None])
 
 
 def guide_value(world: World, body: str) -> float:

@@ -15,6 +15,7 @@ from engine.pipelines.parts.chain import Chain
 from engine.pipelines.parts.itinerary import Itinerary, Part, itinerary
 from engine.pipelines.parts.joining import joined
 from engine.pipelines.parts.memory import Memory, Notebook
+from engine.pipelines.parts.runs import in_best_order
 from engine.pipelines.planning import LARGE
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.limits import size
@@ -29,8 +30,6 @@ from kb.model.conditions import goal_parts
 from kb.model.problem import Problem
 from kb.terms import Function, natural_key
 
-MOST_RUNS = 8  # of one tool, each of which is tried the other way round
-
 __all__ = ["Itinerary", "Memory", "Notebook", "Part", "Sequenced", "by_sequence"]
 
 
@@ -43,11 +42,16 @@ class Sequenced:
 
 
 def by_sequence(
-    problem: Problem, limits: Limits = Limits(), memory: Memory | None = None, store: str = ""
+    problem: Problem,
+    limits: Limits = Limits(),
+    memory: Memory | None = None,
+    store: str = "",
+    cheap: bool = False,
 ) -> Sequenced | None:
     """The outcome for an inspection whose measurements are put in order first; None if that leads to no plan.
 
-    None as well for a problem that is no inspection. Raises `InvalidInput`.
+    None as well for a problem that is no inspection. Of the orders of runs, one whose plan is the fastest is taken, or the
+    `cheap` one. Raises `InvalidInput`.
     """
     started = time.perf_counter()
     if not chooses_tools(problem.domain):
@@ -60,10 +64,26 @@ def by_sequence(
     started = time.perf_counter()
     line = Chain(problem, _start(problem), memory or Notebook(), limits)
     line.seconds["sequencing"] = sequencing
-    way = _better_way(way, line)
+    way = in_best_order(way, line, cheap)
     line.seconds["start"] = time.perf_counter() - started
     outcome = _planned(problem, way, line)
+    if outcome is not None and way.problem.timed:
+        outcome, way = _on_time(problem, way, outcome, line, asked)
     return None if outcome is None else Sequenced(outcome, way)
+
+
+def _on_time(
+    problem: Problem, way: Itinerary, outcome: Outcome, line: Chain, limits: TourLimits
+) -> tuple[Outcome, Itinerary]:
+    """The plan, or one along another tour if that misses fewer windows."""
+    # only windows need schedules, which are slow to load
+    from engine.pipelines.parts.punctual import punctual
+
+    def planned(other: Itinerary) -> Outcome | None:
+        again = Chain(problem, _start(problem), line.memory, line.limits)
+        return _planned(problem, other, again)
+
+    return punctual(problem, way, outcome, planned, limits)
 
 
 def _start(problem: Problem) -> Situation:
@@ -71,22 +91,6 @@ def _start(problem: Problem) -> Situation:
     if contradicted:
         raise InvalidInput(contradicted)
     return Situation.of(CellDomain(problem), state)
-
-
-def _better_way(way: Itinerary, line: Chain) -> Itinerary:
-    """The tour, or the same with runs of one tool the other way round if changes of tools then take less time.
-
-    The tour counts a change of tools as a way; what it really takes, only plans tell. The parts at the ends of runs are tried.
-    """
-    if way.fixed:
-        return way
-    ends, least = way.ends, line.trial(way.parts(line.problem, way.ends))
-    for turn in (range(len(way.visits)), *way.runs[:MOST_RUNS]):
-        other = way.turned(turn)
-        value = line.trial(other.parts(line.problem, ends))
-        if value < least:
-            way, least = other, value
-    return way
 
 
 def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:

@@ -54,13 +54,15 @@ class Chain:
 
     def trial(self, parts: Sequence[Part]) -> tuple[int, int]:
         """How long the plan of some parts lasts from here, and what it costs; very much if there is none."""
-        other = Chain(self.problem, self.here, self.memory, self.limits)
-        failed = other.run(parts)
-        self.counts["parts planned"] += other.counts["parts planned"]
-        self.counts["operators"] = max(self.counts["operators"], other.counts["operators"])
-        if failed is not None:
+        other = self.led(parts)
+        if other is None:
             return MUCH, MUCH
         return sum(step.duration for step in other.steps), sum(step.cost for step in other.steps)
+
+    def led(self, parts: Sequence[Part]) -> "Chain | None":
+        """A chain of its own that goes on from here with some parts; None if one of them has no plan."""
+        other = Chain(self.problem, self.here, self.memory, self.limits, counts=self.counts)
+        return other if other.run(parts) is None else None
 
     def _serve(self, part: Part) -> Outcome:
         """A plan for one part from here; then `here` is where it leads."""

@@ -17,6 +17,12 @@ from kb.model.domain import OBJECT
 from kb.model.problem import Problem
 from kb.terms import ANYTHING, Function
 
+PROOF = (
+    5.0  # work of the solver, about seconds: a plan does not wait longer for the proof of a tour with windows
+)
+
+Run = tuple[int, ...]  # places of visits that follow one another with one tool from one station
+
 
 @dataclass(frozen=True, slots=True)
 class Part:
@@ -30,8 +36,9 @@ class Part:
 class Itinerary:
     """The measurements of an inspection in the order of a tour, each with its tool.
 
-    `kept` says that the order was kept in a store. Of an order that is not `fixed`, visits by one tool may come the other way
-    round; `altered` says that some do. `unasked` are measurements that cannot be made, with the reasons, which no goal asks for.
+    `kept` says that the order was kept in a store. Runs of an order that is not `fixed` may come in another order or the other
+    way round; `altered` says that some do. `unasked` are measurements that cannot be made, with the reasons, which no goal asks for.
+    `unkept` says why no tour keeps all windows, if that is known.
     """
 
     visits: tuple[tuple[str, str], ...]
@@ -42,25 +49,30 @@ class Itinerary:
     fixed: bool = True
     altered: bool = False
     unasked: Mapping[str, str] = field(default_factory=dict)
+    unkept: str = ""
 
     @property
-    def runs(self) -> list[range]:
-        """The places of each run of visits with one tool."""
-        found, first = list[range](), 0
-        for _, run in groupby(self.visits, key=lambda visit: visit[1]):
-            last = first + len(list(run))
-            found.append(range(first, last))
-            first = last
-        return found
+    def runs(self) -> tuple[Run, ...]:
+        """The places of each run of visits with one tool from one station."""
+        stations = {visit.name: visit.station for visit in self.problem.visits}
+        places = groupby(
+            range(len(self.visits)), key=lambda n: (self.visits[n][1], stations.get(self.visits[n][0]))
+        )
+        return tuple(tuple(run) for _, run in places)
 
     @property
     def ends(self) -> set[str]:
         """The first two and the last two visits of each run."""
         return {self.visits[place][0] for run in self.runs for place in (*run[:2], *run[-2:])}
 
-    def turned(self, run: range) -> "Itinerary":
-        """The same with some visits the other way round: ways between visits by one tool stay as they are."""
-        order = [*range(run.start), *reversed(run), *range(run.stop, len(self.visits))]
+    def turnable(self, run: Run) -> bool:
+        """Whether the ways between the visits of a run cost as much the other way round."""
+        order = tuple(self.tour.order[place] for place in run)
+        return cost_of(self.problem, order) == cost_of(self.problem, order[::-1])
+
+    def of_runs(self, runs: Sequence[Run]) -> "Itinerary":
+        """The same visits in the order of other runs."""
+        order = [place for run in runs for place in run]
         tour = tuple(self.tour.order[place] for place in order)
         return replace(
             self,
@@ -72,7 +84,7 @@ class Itinerary:
     def parts(self, problem: Problem, names: Collection[str] | None = None) -> tuple[Part, ...]:
         """The goals by the visit after which they can hold; what the goals ask for beside the visits comes last.
 
-        With `names`, only the parts of these visits.
+        With `names`, only the parts of these visits, and what comes last.
         """
         place = {name: number for number, (name, _) in enumerate(self.visits)}
         by_tool = _ByTool(problem)
@@ -85,7 +97,7 @@ class Itinerary:
             elif names is None or self.visits[about][0] in names:
                 goals.setdefault(about, []).append(by_tool.goal(goal, self.visits[about][1]))
         parts = [Part(self.visits[number][0], tuple(own)) for number, own in sorted(goals.items())]
-        return (*parts, Part("", tuple(rest))) if rest and names is None else tuple(parts)
+        return (*parts, Part("", tuple(rest))) if rest else tuple(parts)
 
 
 def itinerary(problem: Problem, limits: Limits = Limits(), store: str = "") -> Itinerary | None:
@@ -135,13 +147,24 @@ def order_of(problem: Problem, wanted: Collection[str]) -> tuple[tuple[str, str]
 
 def _made(problem: Problem, parts: Partition, limits: Limits, more: Demands) -> Itinerary | None:
     asked = tour_problem(problem, parts, more)
-    tour = sequence(asked, limits)
+    limits = replace(limits, proof=PROOF) if asked.timed else limits
+    tour, unkept = sequence(asked, limits), ""
+    if not isinstance(tour, Tour) and asked.timed:
+        unkept, tour = tour.reason, sequence(_without_windows(asked), limits)
     if not isinstance(tour, Tour):
         return None
     visits = tuple((asked.visits[n].name, asked.visits[n].tool) for n in tour.order)
-    even = cost_of(asked, tour.order[::-1]) == tour.cost
-    bound = asked.closed or asked.ordered or asked.start is not None or asked.end is not None
-    return Itinerary(visits, parts, asked, tour, fixed=bound or not even)
+    return Itinerary(visits, parts, asked, tour, fixed=_bound(asked), unkept=unkept)
+
+
+def _bound(problem: TourProblem) -> bool:
+    """Whether a tour's ends or orders are asked for."""
+    ends = (problem.start, problem.end)
+    return problem.closed or problem.ordered or ends != (None, None)
+
+
+def _without_windows(problem: TourProblem) -> TourProblem:
+    return replace(problem, visits=tuple(replace(visit, window=None) for visit in problem.visits))
 
 
 def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Itinerary:
@@ -153,9 +176,8 @@ def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Iti
     visits = tuple((each.name, each.tool) for each in progress.plan.rest if each.name in wanted)
     reasons = {**progress.plan.impossible, **progress.plan.bad, **parts.impossible}
     out = {name: why for name, why in reasons.items() if name in wanted | set(parts.impossible)}
-    return Itinerary(
-        visits, replace(parts, impossible=out), progress.problem, progress.tour, progress.way == "kept"
-    )
+    fixed = progress.way == "kept" or len(visits) < len(progress.tour.order) or _bound(progress.problem)
+    return Itinerary(visits, replace(parts, impossible=out), progress.problem, progress.tour, fixed=fixed)
 
 
 def _only(parts: Partition, wanted: set[str]) -> Partition:

@@ -70,9 +70,9 @@ def bring(scene: Scene, said: SaidRelation, seed: int = 0, image: Floats | None 
 def _held_out(task: Task, hold: int, near: Floats) -> tuple[Leg, ...] | None:
     """The legs that take the part with a hold and bring it to the task's goal, where it stays in the hand; None if there are none."""
     arm, T = task.scene.hand.arm, task.holds.poses[hold]
-    width = task.holds.grasps[task.holds.grasp_of[hold]].width_m
-    world = with_hand(task.world, task.scene, task.holds.jaws, width)
-    crowded = with_hand(task.crowded, task.scene, task.holds.jaws, width)
+    opening = task.holds.grasps[task.holds.grasp_of[hold]].opening
+    world = with_hand(task.world, task.scene, task.holds.jaws, opening)
+    crowded = with_hand(task.crowded, task.scene, task.holds.jaws, opening)
     empty = Reach(world.put(task.part, "world", task.T_start), arm)
     above = Reach(crowded.put(task.part, "world", task.T_start), arm)
     full = Reach(world.put(task.part, f"{arm}.tool", inverse(T)), arm, touching(task))

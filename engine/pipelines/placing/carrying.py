@@ -1,5 +1,7 @@
 """One carry: to the part, in, up, over, down, and back; straight lines near things, planned and proved motions between."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from engine.kernels.geometry.proof import proved
@@ -23,7 +25,7 @@ def carried(
     """Take the part with a hold at one pose, and let it go at another, from a configuration (k,) on."""
     here, there = poses
     grasp, T = task.holds.grasps[task.holds.grasp_of[hold]], task.holds.poses[hold]
-    empty, above, full, free, left = _reaches(task, grasp.width_m, T, poses)
+    empty, above, full, free, left = _reaches(task, grasp.opening, T, poses)
     back, up = -BACK_M * (here @ T)[:3, 2], np.array([0.0, 0.0, LIFT_M])
     for q in ends(empty, here @ T, near):
         taken = empty.line(here @ T, q, back)
@@ -53,14 +55,14 @@ def carried(
 
 
 def _reaches(
-    task: Task, width_m: float, T_part_hand: Floats, poses: tuple[Floats, Floats]
+    task: Task, opening: Sequence[float], T_part_hand: Floats, poses: tuple[Floats, Floats]
 ) -> tuple[Reach, ...]:
     """What the arm meets with the part where it lies (near, far), in the hand (near, far), and put down (near).
 
     Far from what is taken or put down, it also keeps away from what is only seen.
     """
     world, crowded = (
-        with_hand(each, task.scene, task.holds.jaws, width_m) for each in (task.world, task.crowded)
+        with_hand(each, task.scene, task.holds.jaws, opening) for each in (task.world, task.crowded)
     )
     arm, (here, there), T_hand_part = task.scene.hand.arm, poses, inverse(T_part_hand)
     held = frozenset([frozenset((HAND, task.part))])

@@ -5,7 +5,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.pipelines.placing.answers import Placed
+from engine.model.vision import Located
+from engine.pipelines.placing.answers import Carry, Placed
+
+SIGMAS = 3.0  # standard deviations within which a pose is taken to be
 
 
 def at_goal(placed: Placed) -> Floats:
@@ -14,9 +17,19 @@ def at_goal(placed: Placed) -> Floats:
     The part keeps its error in the hand. Jaws that close on two faces take away the displacement along their way, and the turns
     that these faces do not allow.
     """
-    own = _turned(placed.sighting.covariance, placed.sighting.best.T_camera_part[:3, :3].T)
-    held = after_grasps(own, (carry.T_part_hand[:3, 0] for carry in placed.carries))
-    return _turned(held, placed.T_world_goal[:3, :3])
+    return brought(placed.sighting, placed.carries, placed.T_world_goal)
+
+
+def brought(sighting: Located, carries: Iterable[Carry], T_world_goal: Floats) -> Floats:
+    """The same covariance (6, 6) of a part that was seen, and is brought to a goal with some carries."""
+    own = _turned(sighting.covariance, sighting.best.T_camera_part[:3, :3].T)
+    held = after_grasps(own, (carry.T_part_hand[:3, 0] for carry in carries))
+    return _turned(held, T_world_goal[:3, :3])
+
+
+def within_m(covariance: Floats) -> float:
+    """How far (m) a part may be from its goal, along the direction that is least sure: three standard deviations."""
+    return SIGMAS * float(np.sqrt(max(np.linalg.eigvalsh(covariance[:3, :3])[-1], 0.0)))
 
 
 def after_grasps(covariance: Floats, closing: Iterable[Floats]) -> Floats:

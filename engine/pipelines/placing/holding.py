@@ -3,25 +3,28 @@
 A hold is a grasp with one of its turns. It is possible at a pose of the part where the hand meets nothing, and the arm reaches.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import TypeVar
 
 import numpy as np
 
 from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats, Truths
-from engine.model.grasping import Grasp, ParallelJaws
+from engine.model.grasping import Grasp, ParallelJaws, ThreeFingers
 from engine.model.solid import Solid
 from engine.plugins import geometry_backend
-from engine.ports import CollisionChecker, GeometryBackend
+from engine.ports import CollisionChecker, GeometryBackend, Gripper
 from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import scene_of
 from engine.stages.grasping.blocks import meet
 from engine.stages.grasping.grasps import grasps
 from engine.stages.grasping.placements import volume_and_centre
+from engine.stages.grasping.three_fingers import three_finger_grasps
 from kb.model.cell import Body, BodyKind, Placement
-from kb.model.scene import Scene
+from kb.model.scene import HandEntry, Scene
 from kb.model.shapes import Box, PlacedShape, Pose
 
 HAND = "the_hand"  # the body that stands for the gripper; no file can name it so, since a scene's cell is checked for it
@@ -34,7 +37,7 @@ class Holds:
     """All holds of a part: its grasps, and for each hold the number of its grasp (h,) and the hand's pose T_part_hand."""
 
     solid: Solid
-    jaws: ParallelJaws
+    jaws: Gripper
     grasps: tuple[Grasp, ...]
 
     @cached_property
@@ -57,7 +60,7 @@ class Holds:
             for back in back_m:
                 poses = self.poses[mine].copy()
                 poses[:, :3, 3] -= back * poses[:, :3, 2]
-                mine = mine[~meet(poses, *self.jaws.blocks(each.width_m), obstacles)]
+                mine = mine[~meet(poses, *self.jaws.blocks(each.opening), obstacles)]
             found[numbers == n] = False
             found[mine] = True
         return found
@@ -69,10 +72,21 @@ def _backend() -> GeometryBackend:
     return geometry_backend()
 
 
-def holds_of(scene: Scene, solid: Solid) -> Holds:
-    """The holds of a part by the scene's gripper."""
-    entry = scene.hand
-    jaws = ParallelJaws(
+Kind = TypeVar("Kind", ParallelJaws, ThreeFingers)
+
+
+def jaws_of(scene: Scene) -> ParallelJaws:
+    """The parallel jaws of a scene."""
+    return _made(ParallelJaws, scene.hand)
+
+
+def gripper_of(scene: Scene) -> ParallelJaws | ThreeFingers:
+    """The gripper of a scene, of whichever kind."""
+    return jaws_of(scene) if scene.hand.fingers == 2 else _made(ThreeFingers, scene.hand)
+
+
+def _made(kind: type[Kind], entry: HandEntry) -> Kind:
+    return kind(
         entry.opening_m,
         entry.pad_m,
         entry.finger_m,
@@ -82,16 +96,25 @@ def holds_of(scene: Scene, solid: Solid) -> Holds:
         entry.friction,
         entry.force_n,
     )
+
+
+def holds_of(scene: Scene, solid: Solid) -> Holds:
+    """The holds of a part by the scene's gripper."""
+    hand = gripper_of(scene)
     volume, centre = volume_and_centre(solid)
-    found = grasps(solid, jaws, scene.inset_m, volume * scene.density, centre, TURNS)
-    return Holds(solid, jaws, tuple(found))
+    mass = volume * scene.density
+    if isinstance(hand, ThreeFingers):
+        found = three_finger_grasps(solid, hand, scene.inset_m, mass, centre, TURNS)
+    else:
+        found = grasps(solid, hand, scene.inset_m, mass, centre, TURNS)
+    return Holds(solid, hand, tuple(found))
 
 
-def with_hand(world: World, scene: Scene, jaws: ParallelJaws, width_m: float) -> World:
-    """The world with the scene's gripper at the tool point, opened for a width, as a body that is checked, too."""
+def with_hand(world: World, scene: Scene, jaws: Gripper, opening: Sequence[float]) -> World:
+    """The world with the scene's gripper at the tool point, opened for a grasp, as a body that is checked, too."""
     shapes = tuple(
         PlacedShape(Box(tuple(2 * half)), Pose(tuple(middle)))
-        for middle, half in zip(*jaws.blocks(width_m), strict=True)
+        for middle, half in zip(*jaws.blocks(opening), strict=True)
     )
     arm = scene.hand.arm
     body = Body(HAND, BodyKind.TOOL, Placement(f"{arm}.tool"), shapes)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.stages.grasping.insertion import Inserting, Insertion, Phase, advance, begun
+from engine.stages.grasping.insertion import Inserting, Insertion, Phase, Search, advance, begun
 
 SIDES = 24
 STEP_S = 0.0005
@@ -38,10 +38,10 @@ class Tried:
 
 def tried(peg: Peg, plan: Insertion, error: Floats, tilt_rad: float = 0.0, most_s: float = 60.0) -> Tried:
     """What comes of an insertion that begins at (2,) beside the hole, with a peg that leans."""
-    model = mujoco.MjModel.from_xml_string(_xml(peg, plan.searches, tilt_rad))
+    model = mujoco.MjModel.from_xml_string(_xml(peg, plan.search is not Search.NONE, tilt_rad))
     data = mujoco.MjData(model)
     data.qpos[:3] = [*error, 0.005]
-    now, force, worst, deepest, since = begun(data.qpos[:3].copy()), 0.0, 0.0, np.inf, 0.0
+    now, force, worst, deepest, since = begun(data.qpos[:3].copy(), plan), 0.0, 0.0, np.inf, 0.0
     while data.time < most_s and now.phase not in (Phase.DONE, Phase.FAILED):
         now = advance(plan, now, data.qpos[:3].copy(), force, STEP_S * STEPS_PER_LOOK)
         _steered(data, now, plan)
@@ -58,10 +58,11 @@ def tried(peg: Peg, plan: Insertion, error: Floats, tilt_rad: float = 0.0, most_
 
 def _steered(data: "mujoco.MjData", now: Inserting, plan: Insertion) -> None:
     """The servos' targets; a hand that presses sets a force in place of a height."""
-    pressing = now.phase in (Phase.SEARCH, Phase.INSERT)
+    pressing = now.phase in (Phase.SEARCH, Phase.LEAD, Phase.RIGHT, Phase.INSERT)
     data.ctrl[:3] = now.target
     data.ctrl[2] = data.qpos[2] if pressing else now.target[2]
     data.ctrl[3] = -plan.press_n if pressing else 0.0
+    data.ctrl[4] = now.lean_rad
 
 
 def _xml(peg: Peg, soft: bool, tilt_rad: float) -> str:
@@ -80,8 +81,7 @@ def _xml(peg: Peg, soft: bool, tilt_rad: float) -> str:
         for n, axis, damping in (("x", "1 0 0", 80), ("y", "0 1 0", 80), ("z", "0 0 1", 60))
     )
     hinges = "".join(
-        f'<joint name="r{n}" type="hinge" axis="{axis}" pos="0 0 {peg.length_m}" stiffness="{turn}" '
-        f'damping="0.05"/>'
+        f'<joint name="r{n}" type="hinge" axis="{axis}" pos="0 0 {peg.length_m}" damping="0.05"/>'
         for n, axis in (("x", "1 0 0"), ("y", "0 1 0"))
     )
     servos = "".join(f'<position joint="{n}" kp="{slide}"/>' for n in "xyz")
@@ -94,5 +94,6 @@ def _xml(peg: Peg, soft: bool, tilt_rad: float) -> str:
 <body name="peg" euler="{tilt_rad} 0 0">{hinges}
 <geom type="cylinder" size="{peg.radius_m} {length}" pos="0 0 {length}" mass="0.2"/>
 <site name="wrist" pos="0 0 {peg.length_m}"/></body></body></worldbody>
-<actuator>{servos}<motor joint="z"/></actuator>
+<actuator>{servos}<motor joint="z"/>
+<position joint="ry" kp="{turn}"/><position joint="rx" kp="{turn}"/></actuator>
 <sensor><force site="wrist"/></sensor></mujoco>"""

@@ -146,10 +146,8 @@ class Watched:
     def _held(self, task: Task, T_part_hand: Floats) -> Forecast:
         """The outlook with the part in the hand: the hold that it has becomes the first of its holds."""
         nearest = self._grasped(self.T_world_part, self.T_world_part @ T_part_hand)
-        width = task.holds.grasps[task.holds.grasp_of[nearest or 0]].width_m
-        mine = replace(
-            task.holds.grasps[0], T_part_hand=T_part_hand[None], free=np.ones(1, dtype=bool), width_m=width
-        )
+        like = task.holds.grasps[task.holds.grasp_of[nearest or 0]]
+        mine = replace(like, T_part_hand=T_part_hand[None], free=np.ones(1, dtype=bool))
         own = replace(task, holds=Holds(task.holds.solid, task.holds.jaws, (mine, *task.holds.grasps)))
         goal = possible(own, self.T_goal)
         if goal[0]:

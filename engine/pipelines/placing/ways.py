@@ -35,11 +35,11 @@ def possible(task: Task, T_world_part: Floats) -> Truths:
 def reached(task: Task, T_world_part: Floats, which: Truths) -> Truths:
     """Which of some holds (h,) the arm reaches without touching anything, with the part at a pose."""
     found = which.copy()
-    widths = np.array([round(task.holds.grasps[n].width_m, 6) for n in task.holds.grasp_of])
+    openings = [tuple(round(x, 6) for x in task.holds.grasps[n].opening) for n in task.holds.grasp_of]
     world = task.world.put(task.part, "world", T_world_part)
-    for width in np.unique(widths[which]):
-        mine = np.nonzero(which & (widths == width))[0]
-        reach = Reach(with_hand(world, task.scene, task.holds.jaws, float(width)), task.scene.hand.arm)
+    for opening in sorted({each for each, asked in zip(openings, which, strict=True) if asked}):
+        mine = np.array([n for n in np.nonzero(which)[0] if openings[n] == opening])
+        reach = Reach(with_hand(world, task.scene, task.holds.jaws, opening), task.scene.hand.arm)
         found[mine] = _any_free(reach, T_world_part @ task.holds.poses[mine])
     return found
 

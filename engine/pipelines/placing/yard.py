@@ -65,17 +65,17 @@ class Yard:
 
     site: Site
     goals: Mapping[str, Floats]
-    _asides: dict[str, Floats] = field(default_factory=dict)
+    asides: dict[str, Floats] = field(default_factory=dict)
 
     def pose(self, part: str, spot: Spot) -> Floats:
         """T_world_part (4, 4) of a part at a spot."""
-        if spot is Spot.ASIDE and part not in self._asides:
+        if spot is Spot.ASIDE and part not in self.asides:
             found = self.site.found[part]
             task = self.site.task(part, (found, found))
-            self._asides[part] = max(
+            self.asides[part] = max(
                 (T for _, T in rests(task)), key=lambda T: float(np.trace(found[:3, :3].T @ T[:3, :3]))
             )
-        known = {Spot.FOUND: self.site.found, Spot.GOAL: self.goals, Spot.ASIDE: self._asides}
+        known = {Spot.FOUND: self.site.found, Spot.GOAL: self.goals, Spot.ASIDE: self.asides}
         return known[spot][part]
 
     def moved(self, move: Move, spots: Spots, near: Floats) -> tuple[Carry, ...] | Obstacle:

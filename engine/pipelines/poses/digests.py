@@ -15,6 +15,7 @@ from engine.model.poses import Box
 from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import carrier_poses
+from engine.stages.geometry.reach.seeing import View
 from engine.stages.geometry.shapes.parts import cores
 from engine.stages.geometry.world.model import World
 from kb.model.cell import Place
@@ -38,7 +39,7 @@ class Footing:
         """The digest of all that, of the place as seen from the arm's base, and of how the measurement is taken."""
         at = self._T_base_world @ self._world.pose("world", place.placement.parent)
         at = at @ transforms.of_pose(place.placement.pose)
-        allowed = (place.touches, place.depth_m)
+        allowed = (place.touches, place.depth_m, place.patch_m)
         return _digest((self._same, _rounded(at), place.approach_m, place.turns, *allowed, how))
 
 
@@ -103,6 +104,14 @@ def boxes_of(room: Room, place: Place, configurations: Sequence[Floats]) -> tupl
             low, high = np.minimum(low, boxes[piece.carrier][0]), np.maximum(high, boxes[piece.carrier][1])
         boxes[piece.carrier] = low, high
     return tuple((_corner(low), _corner(high)) for _, (low, high) in sorted(boxes.items()))
+
+
+def box_of(views: Sequence[View]) -> tuple[Box, ...]:
+    """The box of all that a scanner looks through, grown by the margin; empty if it looks through nothing."""
+    if not views:
+        return ()
+    low, high = np.swapaxes(np.array([view.box() for view in views]), 0, 1)
+    return ((_corner(low.min(axis=0) - MARGIN_M), _corner(high.max(axis=0) + MARGIN_M)),)
 
 
 def _corner(point: Floats) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 from engine.model.poses import Box, MeasurementPoses
 from engine.pipelines.poses import Key, Knowledge, known_poses
 from engine.ports import GeometryBackend
+from kb.json_text import parsed
 from kb.model.cell import Cell, Patch
 from kb.model.problem import Problem
 from kb.store.poses import PoseStore
@@ -47,7 +48,7 @@ def _written(poses: MeasurementPoses) -> str:
 
 def _read(text: str) -> MeasurementPoses | None:
     try:
-        entry = json.loads(text)
+        entry = parsed(text)
         return MeasurementPoses(
             str(entry["measurement"]),
             str(entry["tool"]),

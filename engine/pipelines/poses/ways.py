@@ -40,14 +40,16 @@ class Ways:
                 asked, self._asked = asked + 1, self._asked + 1
                 yield number
 
-    def take(self, number: int, path: Floats | None, free: bool) -> None:
-        """Note what was found for one candidate; candidates come in order, and what is not needed is not looked at."""
+    def take(self, number: int, path: Floats | None, room: Room) -> None:
+        """Look at the way of one candidate, and keep it if it is free. Candidates come in order; one that is not needed is not
+        looked at.
+        """
         if len(self.ways) == KEPT or self._is_crowded(self.poses[number]):
             return
         self._see(number + 1)
         if path is not None:
             self.looked += list(path)
-            if free:
+            if _is_free(room, self.place, path):
                 self.ways.append(path)
 
     def close(self) -> None:
@@ -82,23 +84,14 @@ def ways_into(room: Room, places: Sequence[Place]) -> list[Ways]:
     while rows := [(own, n) for own in found for n in own.candidates()]:
         starts = np.array([own.poses[n] for own, n in rows])
         paths = room.straights(places[0], starts, places[0].approach_m)
-        good = _free(room, places[0], paths)
-        for (own, n), path, free in zip(rows, paths, good, strict=True):
-            own.take(n, path, bool(free))
+        for (own, n), path in zip(rows, paths, strict=True):
+            own.take(n, path, room)
     for own in found:
         own.close()
     return found
 
 
-def _free(room: Room, place: Place, paths: Sequence[Floats | None]) -> Truths:
-    """Which paths touch nothing that they may not: nothing at all where they begin."""
-    known = [n for n, path in enumerate(paths) if path is not None]
-    good = np.zeros(len(paths), dtype=bool)
-    own = [path for path in paths if path is not None]
-    if not own:
-        return good
-    fronts = np.array([path[0] for path in own])
-    clear = ~room.free(place.arm).collides(room.whole(place.arm, fronts))
-    for n, path, front in zip(known, own, clear, strict=True):
-        good[n] = bool(front) and room.is_free(place, path)
-    return good
+def _is_free(room: Room, place: Place, path: Floats) -> bool:
+    """Whether a path touches nothing that it may not: nothing at all where it begins."""
+    front = room.whole(place.arm, path[:1])
+    return not room.free(place.arm).collides(front)[0] and room.is_free(place, path)

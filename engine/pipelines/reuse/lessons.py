@@ -13,6 +13,7 @@ from engine.stages.macros.lookup.repertoire import record_of
 from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import Diagnostic, InvalidInput, Source, escaped
 from kb.files import read_file
+from kb.json_text import parsed
 from kb.model.macro import Macrop
 from kb.store import Library, NotationError, Record, document, macrop_of
 
@@ -67,7 +68,7 @@ def write(file: Path, macrops: Iterable[Macrop]) -> None:
 def read(file: Path) -> list[Macrop]:
     """The MACROPs in a file that `write` has made. Raises `InvalidInput` if it cannot be read or is no such file."""
     try:
-        whole = json.loads(read_file(file, most=MAX_BYTES).text)
+        whole = parsed(read_file(file, most=MAX_BYTES).text)
         if whole["version"] != VERSION:
             raise _refused(file, "K413", f"this is format {whole['version']}, not {VERSION}")
         return list(map(macrop_of, whole["macrops"]))

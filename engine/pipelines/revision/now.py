@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Iterator
 
-from engine.model.cases import Revision as Change
+from engine.model.cases import Revision as Believed
 from engine.pipelines.barring import barred
 from engine.pipelines.revision.changes import Changes
 from engine.pipelines.revision.course import Course
@@ -35,7 +35,7 @@ def revised_now(
     state = observed(here, expected(here, ()), present, absent)
     withdrawn = tuple((atom, "it is observed to be gone") for atom in absent if atom in rest.initial)
     follows = following(rest.initial, state, (*present, *absent))
-    changes = Changes(Dynamics(rest), Change(withdrawn=withdrawn, lost=losses, follows=follows))
+    changes = Changes(Dynamics(rest), Believed(withdrawn=withdrawn, lost=losses, follows=follows))
     found = revise(here, (), state, limits, both, changes.obstacles(state))
     return found, follows
 

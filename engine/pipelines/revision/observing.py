@@ -6,7 +6,7 @@ from engine.pipelines.revision.course import Course
 from engine.pipelines.simulation import Dynamics
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.validation.changes import Change, State
+from engine.stages.validation.changes import State, StepChange
 from engine.stages.validation.semantics import Semantics
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
@@ -72,7 +72,7 @@ def _mistyped(atom: Atom, semantics: Semantics, option: str) -> Iterator[Diagnos
             yield Diagnostic(Source(option), "K103", said, hint)
 
 
-def _require_agreement(change: Change, holds: Sequence[Atom], gone: Sequence[Atom]) -> None:
+def _require_agreement(change: StepChange, holds: Sequence[Atom], gone: Sequence[Atom]) -> None:
     """Raises `InvalidInput` if observed facts exclude each other."""
     if change.contradiction is not None:
         said = f"{change.contradiction} is observed, but another observed fact denies it"

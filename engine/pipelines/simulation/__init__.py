@@ -5,6 +5,6 @@
 
 from engine.pipelines.simulation.dynamics import Dynamics, WorldState
 from engine.pipelines.simulation.faulty import Achievement, FaultyCell, Memory
-from engine.pipelines.simulation.world import World
+from engine.pipelines.simulation.world import SymbolicWorld
 
-__all__ = ["Achievement", "Dynamics", "FaultyCell", "Memory", "World", "WorldState"]
+__all__ = ["Achievement", "Dynamics", "FaultyCell", "Memory", "SymbolicWorld", "WorldState"]

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 
 from engine.model.task import Task
 from engine.stages.grounding import ground
-from engine.stages.validation.changes import Change, Denial, State
+from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import holds, solve
 from engine.stages.validation.facts import Facts
 from engine.stages.validation.semantics import Semantics
@@ -56,8 +56,10 @@ class Dynamics:
         if isinstance(found, str):
             return found
         operator, bindings = found
-        if not holds(operator.precondition, self.facts(state), bindings):
-            return f"its precondition does not hold: {operator.precondition}"
+        facts, wanted = self.facts(state), operator.precondition
+        if not holds(wanted, facts, bindings):
+            missing = [str(part) for part in goal_parts(wanted) if not holds(part, facts, bindings)]
+            return f"its precondition does not hold: {', '.join(missing) or wanted}"
         return ""
 
     def after(self, step: Function, state: WorldState) -> WorldState:
@@ -115,7 +117,7 @@ class Dynamics:
             change = self.semantics.deduce(added, tuple(ending), facts)
         return ((facts - change.ends) | change.adds) - self._overruled(change, direct)
 
-    def _overruled(self, change: Change, direct: Change) -> State:
+    def _overruled(self, change: StepChange, direct: StepChange) -> State:
         """What follows in a change but is denied by what was added itself."""
         implied = change.adds - direct.adds
         return frozenset(

@@ -13,7 +13,7 @@ from kb.terms import Atom, Function, parts_of
 
 
 @dataclass
-class World:
+class SymbolicWorld:
     """The facts and the stages reached, of the problem as it was when the run began. Steps move it on."""
 
     chains: Sequence[Chain]
@@ -21,7 +21,7 @@ class World:
     reached: dict[str, int] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, problem: Problem, facts: Iterable[Atom]) -> "World":
+    def of(cls, problem: Problem, facts: Iterable[Atom]) -> "SymbolicWorld":
         """The world in which a problem begins."""
         known = set(facts)
         reached = dict(begun(problem.chains, holding(Listed(known)))) if problem.chains else {}

@@ -15,12 +15,13 @@ from pathlib import Path
 from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
 from engine.pipelines.simulator.hidden import HiddenCell, Injection
 from engine.pipelines.simulator.log import Log, Sent
+from engine.pipelines.simulator.physical import SimulatedCell
 from engine.ports import DriverSetup
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.faults import load_faults
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem
-from kb.numbers import is_count
+from kb.numbers import NumberError, decimal, is_count
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
 
@@ -41,7 +42,7 @@ class Settings:
 class Simulator:
     """A driver for a cell that is simulated."""
 
-    cell: HiddenCell
+    cell: SimulatedCell
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
@@ -273,9 +274,9 @@ def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
 def number_of(options: Mapping[str, str], name: str, default: float = 0.0) -> float:
     """An option of a driver as a number. Raises `InvalidInput`."""
     try:
-        return float(options.get(name, default))
-    except ValueError:
-        said = f"'{options[name]}' is no number"
+        return decimal(options[name]) if name in options else default
+    except NumberError as error:
+        said = f"'{options[name][:40]}' {error}"
         raise InvalidInput([Diagnostic(Source("--option"), "K107", said, f"write {name}=0.2")]) from None
 
 

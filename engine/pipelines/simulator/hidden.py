@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from engine.model.cases import Hypothesis
-from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, World, WorldState
+from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, SymbolicWorld, WorldState
 from engine.pipelines.simulation.world import achievement
 from engine.pipelines.simulator.physical import PhysicalBody, reading_by, told_by
 from engine.stages.diagnosis.knowledge import CURED
@@ -76,13 +76,13 @@ class HiddenCell:
         self._memory = Memory.of(self.model if self.injections or self.body else None)
 
     def _know(self, state: WorldState) -> None:
-        self.world = World(self.problem.chains, set(state.facts), dict(state.reached))
+        self.world = SymbolicWorld(self.problem.chains, set(state.facts), dict(state.reached))
         self.situation = Situation.of(self.domain, state.facts)
 
     def take(self, text: str, expects: str) -> str | None:
         """Carry out a step: its reply; None if none ever comes."""
         step = _instance(text)
-        for name in (str(step), step.name):
+        for name in {str(step): None, step.name: None}:  # one name, if it has no arguments
             self.times[name] = self.times.get(name, 0) + 1
         if (found := self._injected(step)) is not None:
             return self._fail(step, *found)

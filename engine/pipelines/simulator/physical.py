@@ -1,6 +1,6 @@
-"""What a simulated cell asks of a physical one: whether steps have worked, and what its sensors read."""
+"""What the simulator asks of a cell, and a simulated cell of a physical one: whether steps have worked, and what sensors read."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Protocol
 
 from kb.model.faults import FaultTest
@@ -32,6 +32,26 @@ class PhysicalBody(Protocol):
 
     def repaired(self, before: Collection[Atom], after: Collection[Atom]) -> None:
         """A repair has helped, and has led from some facts to others."""
+        ...
+
+
+class SimulatedCell(Protocol):
+    """What the simulated driver drives: a cell that takes commands when they end, and says how they ended."""
+
+    def take(self, text: str, expects: str) -> str | None:
+        """Carry out a step: its reply; None if none ever comes."""
+        ...
+
+    def missing(self, looked_at: Sequence[str]) -> str:
+        """The first of some facts that is not so; empty if all are."""
+        ...
+
+    def answer(self, action: str) -> str:
+        """The outcome of a test or a repair."""
+        ...
+
+    def say(self, choices: Sequence[str]) -> str:
+        """What a person answers who looks into the cell."""
         ...
 
 

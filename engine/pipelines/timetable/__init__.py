@@ -38,6 +38,7 @@ from kb.terms import Term
 
 NOTHING: Mapping[Term, int] = {}
 BLOCKS = "of all schedules of the blocks of this plan"
+WINDOWS = "measurements with windows keep their order"
 
 
 def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem, Plan | None]:
@@ -93,6 +94,8 @@ def timed(
     wishes = wishes_for(gate.semantics(problem), plan)
     wishes = from_then_on(wishes, begin)
     wishes = replace(wishes, release=_later(wishes.release, busy))
+    if wishes.windows:
+        return kept(problem, _sound(gate, problem, plan), wishes, WINDOWS)
     try:
         operators, goals = operators_of(task, plan)
     except Unstructured as error:
@@ -107,11 +110,16 @@ def timed(
 
 
 def from_then_on(wishes: Wishes, begin: int) -> Wishes:
-    """The wishes for a plan that begins at a time: what should have ended before is late from the start."""
+    """The wishes for a plan that begins at a time: what should have ended before is late from the start.
+
+    Windows count from the begin of a tour that is under way by then, so they are given up.
+    """
     if not begin:
         return wishes
     release = {each: max(0, time_ - begin) for each, time_ in wishes.release.items()}
-    return replace(wishes, release=release, due={each: due - begin for each, due in wishes.due.items()})
+    return replace(
+        wishes, release=release, due={each: due - begin for each, due in wishes.due.items()}, windows={}
+    )
 
 
 def _later(release: Mapping[Term, int], busy: Mapping[Term, int]) -> Mapping[Term, int]:
@@ -148,6 +156,8 @@ def by_other_means(
     """
     gate = PlanGate()
     wishes = wishes_for(gate.semantics(problem), *plans)
+    if wishes.windows:
+        return None
     try:
         (operators, goals), *others = [operators_of(task, plan) for plan in plans]
     except Unstructured:

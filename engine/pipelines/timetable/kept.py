@@ -1,4 +1,5 @@
-"""Timetables that keep the order of a plan: every step as early as that order and the travel between its steps allow.
+"""Timetables that keep the order of a plan: every step as early as that order, the travel between its steps, and the windows
+of measurements allow. An arm that comes too early waits; a window that is missed all the same stays missed.
 
 A longest path is exact here, so nothing is searched, and plans of any length are scheduled.
 """
@@ -9,7 +10,8 @@ from dataclasses import dataclass, replace
 
 from engine.model.forecast import makespan
 from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Shop
+from engine.model.shop import Moment, Shop, Window
+from engine.model.windows import missed, opening, visits_of
 from engine.pipelines.gate import InternalError
 from engine.pipelines.timetable.orders import by_step
 from engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
@@ -29,16 +31,17 @@ def kept(problem: Problem, plan: Plan, wishes: Wishes, note: str = "") -> Timeta
 
     The checker of schedules has replayed it.
     """
-    round_ = _round(plan, wishes)
-    starts = _starts(plan, wishes, round_)
+    round_, visits = _round(plan, wishes), visits_of(problem, plan) if wishes.windows else {}
+    starts = _starts(plan, wishes, round_, opening(wishes.windows, visits))
     last, late = makespan(plan, starts), lateness(plan, wishes, starts)
     made = Schedule({}, (), last, last, late, proved=not wishes.longest_stay)
     timetable = by_step(problem, plan, starts, made, note, KEPT)
-    shop = _travelling(timetable.shop, round_)
+    shop = _travelling(_waiting(timetable.shop, wishes.windows, visits, plan), round_)
     replayed = replace(timetable.schedule, tardiness=0)  # due times are of objects, and so of several jobs
     if wrong := check_schedule(shop, replayed):
         raise InternalError([Diagnostic(Source(problem.path), "K508", wrong[0])])
-    return replace(timetable, shop=shop, unwatched=bool(wishes.longest_stay))
+    outside = missed(wishes.windows, visits, starts)
+    return replace(timetable, shop=shop, unwatched=bool(wishes.longest_stay), missed=outside)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,18 +83,41 @@ def _steps_of_arm(plan: Plan, wishes: Wishes) -> tuple[Term, list[Step]] | None:
     return arm, [step for step in plan.steps if arm in step.resources]
 
 
-def _starts(plan: Plan, wishes: Wishes, round_: _Round) -> dict[StepId, int]:
-    """The earliest start of each step: after the steps that it waits for, its release, and the way of the arm to it."""
+def _starts(plan: Plan, wishes: Wishes, round_: _Round, opening: Mapping[StepId, int]) -> dict[StepId, int]:
+    """The earliest start of each step: after the steps that it waits for, its release, the way of the arm to it, and the
+    `opening` of its window after the begin of the tour.
+    """
     starts: dict[StepId, int] = {}
     ends: dict[StepId, int] = {}
+    begin: int | None = None
     for step in plan.steps:
         soonest = [ends[before] for before in step.after]
         soonest += [time for subject, time in wishes.release.items() if mentions(step.operator, subject)]
         if step.id in round_.before:
             soonest.append(ends[round_.before[step.id]] + round_.ways[step.id])
+        if step.id in opening:
+            begin = max(soonest, default=0) if begin is None else begin
+            soonest.append(begin + opening[step.id])
         starts[step.id] = max(soonest, default=0)
         ends[step.id] = starts[step.id] + step.duration
     return starts
+
+
+def _waiting(
+    shop: Shop, windows: Mapping[str, tuple[int, int]], visits: Mapping[StepId, str], plan: Plan
+) -> Shop:
+    """The shop with the windows that visits open after the first one, so that the checker of schedules sees them."""
+    names = {step.id: f"{step.id} {step.operator}" for step in plan.steps}
+    if not visits:
+        return shop
+    first, *others = visits
+    begin = windows.get(visits[first], (0, 0))[0]
+    opened = (
+        Window(Moment(names[first]), Moment(names[step]), max(0, windows[visits[step]][0] - begin))
+        for step in others
+        if visits[step] in windows
+    )
+    return replace(shop, windows=(*shop.windows, *opened))
 
 
 def lateness(plan: Plan, wishes: Wishes, starts: Mapping[StepId, int]) -> int:

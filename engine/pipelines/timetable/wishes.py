@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from engine.model.windows import windows_of
 from engine.stages.scheduling.work import Wishes
 from engine.stages.validation.facts import Facts
 from engine.stages.validation.semantics import Semantics
@@ -37,11 +38,20 @@ def wishes_of(statics: Facts, words: Conventions) -> Wishes:
         facts = [atom.arguments for atom in statics.named(name) if len(atom.arguments) == 2]
         return {first: last.value for first, last in facts if isinstance(last, Number)}
 
-    trips = [atom.arguments for atom in statics.named(words.travel) if len(atom.arguments) == 3]
+    def triples(name: str) -> list[tuple[Term, ...]]:
+        return [atom.arguments for atom in statics.named(name) if len(atom.arguments) == 3]
+
+    trips = triples(words.travel)
     travel = {(a, b): lasts.value for a, b, lasts in trips if isinstance(lasts, Number)}
     stops = frozenset(place for pair in travel for place in pair)
     return Wishes(
-        travel, stops, *map(numbers, (words.longest_stay, words.release, words.due, words.priority))
+        travel,
+        stops,
+        longest_stay=numbers(words.longest_stay),
+        release=numbers(words.release),
+        due=numbers(words.due),
+        priority=numbers(words.priority),
+        windows=windows_of(triples(words.window)),
     )
 
 

@@ -11,7 +11,6 @@ from engine.pipelines.troubleshooting.recovery import FirstRepair
 from engine.stages.diagnosis.knowledge import cure_chance
 from engine.stages.diagnosis.session import Session
 from kb.model.domain import Kind
-from kb.model.faults import FaultModel
 from kb.terms import Atom, ordered
 
 Reasoned = tuple[tuple[Atom, str], ...]
@@ -42,13 +41,17 @@ class Findings:
         return tuple(dict.fromkeys(cause for h, _ in self.made.hypotheses for cause in h.causes))
 
     def applied(self, said: Revision) -> Revision:
-        """What a revision comes to in this world; what it says of facts that never held is left out."""
+        """What a revision comes to in this world: what holds now and did not, and the other way round.
+
+        What it says of facts that never held, or that a repair has made as they were, is left out.
+        """
         begun = self.beliefs.cell.begun(self.beliefs.before, self.causes)
         before, now = self.beliefs.before.facts, self.believed.facts
         gone, new = before - begun.facts, begun.facts - before
         if self.beliefs.helped is not None:
             last = replace(self.beliefs, helped=None).state(self.causes)
             gone, new = gone | (last.facts - now), new | (now - last.facts)
+        gone, new = (gone & before) - now, (new & now) - before
         withdrawn = (*_named(said.withdrawn, gone), *self._spoilt(gone), *self._unsure(now))
         asserted = _named(said.asserted, new)
         told = {atom for atom, _ in (*withdrawn, *asserted)}
@@ -112,12 +115,21 @@ class Findings:
 
     def _blocked(self) -> Reasoned:
         cell = self.beliefs.cell
-        certain = len(self.made.hypotheses) <= 1
         return tuple(
-            (pattern, still_there(cell.model, cause, certain))
+            (pattern, self._still_there(cause))
             for cause in self.suspects
             for pattern in dict.fromkeys(cell.blocked(cause))
         )
+
+    def _still_there(self, cause: str) -> str:
+        """That a cause is there still, and what would put it right: a repair that was not tried in vain."""
+        model = self.beliefs.cell.model
+        certain = len(self.made.hypotheses) <= 1
+        said = (
+            f"{cause} is there still: {model.causes[cause].say}" if certain else f"{cause} may be there still"
+        )
+        repair = next((each for each in self.made.repairs if cause in model.repairs[each].cures), None)
+        return f"{said}; {repair} may put it right" if repair else f"{said}; nobody has put it right"
 
 
 def first_repair(
@@ -140,13 +152,6 @@ def first_repair(
             after, prepared = later
             return FirstRepair(name, repair.say, prepared), after, replace(made, cured=name)
     return None
-
-
-def still_there(model: FaultModel, cause: str, certain: bool = True) -> str:
-    """That a cause is there still, and what would put it right."""
-    said = f"{cause} is there still: {model.causes[cause].say}" if certain else f"{cause} may be there still"
-    repairs = () if model.causes[cause].stops else model.repairs_of(cause)
-    return f"{said}; {repairs[0].name} may put it right" if repairs else f"{said}; nobody has put it right"
 
 
 def _named(said: Reasoned, changed: frozenset[Atom]) -> Reasoned:

@@ -1,6 +1,5 @@
 """Read the texts that describe a case: the interrupted step, scripted outcomes, hidden causes, counts to import."""
 
-import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,8 +13,9 @@ from engine.pipelines.simulation.faulty import history
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
 from engine.stages.diagnosis.session import QUESTION, Answerer
 from kb.asp import AspError, ground_term
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest, unknown_name
 from kb.files import read_file
+from kb.json_text import parsed
 from kb.loader import Loaded
 from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Plan, StepId
@@ -125,8 +125,12 @@ def _done(plan: Plan, failed: Failed) -> list[StepId]:
     for number, step in enumerate(plan.steps):
         if str(step.operator) == wanted:
             return [each.id for each in plan.steps[:number]]
-    hint = "name a step of the plan with --step, or the steps that are done with --done"
-    raise InvalidInput([Diagnostic(STEP, "K410", "which step of the plan was interrupted?", hint)])
+    if not failed.step:
+        hint = "name a step of the plan with --step, or the steps that are done with --done"
+        raise InvalidInput([Diagnostic(STEP, "K410", "which step of the plan was interrupted?", hint)])
+    hint = nearest(wanted, [str(step.operator) for step in plan.steps])
+    hint = hint or "name one of its steps, or the steps that are done with --done"
+    raise InvalidInput([Diagnostic(STEP, "K410", f"the plan has no step {wanted}", hint)])
 
 
 def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | None:
@@ -189,13 +193,13 @@ def hidden_hypothesis(model: FaultModel, text: str) -> Hypothesis:
 def imported(model: FaultModel, path: Path) -> list[ClosedCase]:
     """The counts in a JSON file {exception: {cause: count}}, as weighted closed cases. Raises `InvalidInput`."""
     try:
-        given = json.loads(read_file(path).text)
+        given = parsed(read_file(path).text)
         pairs = [(e, c, decimal(str(n))) for e, causes in given.items() for c, n in causes.items()]
     except NumberError as error:
         raise InvalidInput(
             [Diagnostic(Source(str(path)), "K413", f"a count {error}", "count cases")]
         ) from None
-    except (ValueError, AttributeError, TypeError, RecursionError) as error:
+    except (ValueError, AttributeError, TypeError) as error:
         hint = "write it as {exception: {cause: count}}"
         raise InvalidInput(
             [Diagnostic(Source(str(path)), "K413", f"the file does not hold counts: {error}", hint)]

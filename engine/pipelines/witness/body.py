@@ -6,21 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.model.moves import MovedStep
+from engine.model.moves import Leg, MovedStep
 from engine.pipelines.moves.walking import Walk, operation_of
 from engine.pipelines.witness.sensing import reading
-from engine.pipelines.witness.stage import SETTLE_S, Stage, value_of
+from engine.pipelines.witness.servos import NEAR_M, value_of
+from engine.pipelines.witness.stage import SETTLE_S, Stage
 from engine.pipelines.witness.tree import hand_of, is_free
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
-from kb.model.cell import JointKind
 from kb.model.plan import Step, StepId
 from kb.terms import Atom, Function, match, substitute
 
-NEAR_M, NEAR_SHARE = (
-    0.03,
-    0.1,
-)  # a body is at its place within so many metres, and this share of its joint's range
 FIRST = StepId(1)
 
 Facts = Collection[Atom]
@@ -42,6 +38,7 @@ class Body:
         self.walk, self.cell, self.stage = walk, walk.cell, Stage(following(World.of(walk.cell), start))
         self.hindrance = hindrance
         self._failed: Facts | None = None
+        self._way_in: Leg | None = None  # of a step that was stopped while the arm dragged something
         if hindrance.friction is not None:
             self.stage.make_slippery(hindrance.friction)
         for name in hindrance.blocked:
@@ -60,7 +57,9 @@ class Body:
         if not isinstance(moved, MovedStep):
             return False
         worlds = self._world(before), self._world(after)
-        self.stage.take(moved, *worlds)
+        self._way_in = self.stage.take(moved, *worlds, stops=True)
+        if self._way_in is not None:
+            self.walk.hands.arrive(self._way_in.arm, self._way_in.path[0], None)
         return all(self._is_where(name, after) for name in self._moved(before, after))
 
     def misfit(self, facts: Facts, before: Facts, after: Facts) -> int:
@@ -77,7 +76,9 @@ class Body:
         return wrong
 
     def failed(self, facts: Facts) -> None:
-        """A step has failed. The hand will be as the facts say when something is done next; until then sensors read how it is."""
+        """A step has failed. The hand will be as the facts say, and the arm away, when something is done next.
+
+        Until then sensors read how it is: a hand that dragged something still holds it."""
         self._failed = facts
 
     def reading(self, sensor: str) -> str:
@@ -96,7 +97,9 @@ class Body:
         for arm in self.cell.arms:
             self.stage.fingers(arm, world, closed=False)
         self.stage.wait(SETTLE_S)
-        self._failed = None
+        if self._way_in is not None:
+            self.stage.back_out(self._way_in)
+        self._failed = self._way_in = None
 
     def repaired(self, before: Facts, after: Facts) -> None:
         """A repair has helped: nothing is blocked or stuck any more, and what it has brought somewhere is there."""
@@ -150,8 +153,6 @@ class Body:
         """Whether a body is where some facts put it. What is in a hand is measured from the hand."""
         world, body = self._world(facts), self.cell.bodies[name]
         if body.guide is not None:
-            near = NEAR_SHARE * abs(body.guide.upper - body.guide.lower)
-            near = min(near, NEAR_M) if body.guide.kind is JointKind.PRISMATIC else near
-            return abs(self.stage.value(name) - value_of(world, name)) <= near
+            return self.stage.is_near(name, value_of(world, name))
         there = self.stage.actual(world).pose("world", name)[:3, 3]
         return float(np.linalg.norm(self.stage.pose(name)[:3, 3] - there)) <= NEAR_M

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from engine.model.moves import MovedStep
 from engine.pipelines.moves.places import measured_cell
 from engine.pipelines.moves.states import states_of
-from engine.pipelines.witness.stage import SETTLE_S, Stage, Touched
+from engine.pipelines.witness.stage import SETTLE_S, Stage
+from engine.pipelines.witness.touches import Touched
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.validation.semantics import Semantics
@@ -41,6 +42,4 @@ def played(semantics: Semantics, cell: Cell, plan: Plan, steps: Sequence[MovedSt
         if step.id in moved:
             stage.take(moved[step.id], following(World.of(cell), before), last)
     stage.wait(SETTLE_S)
-    return Witnessed(
-        stage.data.time, tuple(stage.touched.values()), stage.off(last), stage.off_place, stage.off_tip_m
-    )
+    return Witnessed(stage.data.time, stage.touches.found, stage.off(last), stage.off_place, stage.off_tip_m)

@@ -7,10 +7,11 @@ import numpy as np
 
 from engine.model.geometry import Floats
 from engine.pipelines.witness.stage import Stage
+from engine.pipelines.witness.touches import body_of
 from engine.pipelines.witness.tree import bearer_of, held_by, worn_by
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
-from kb.model.cell import Sensing, Sensor
+from kb.model.sensors import Sensing, Sensor
 
 SLIDE_S = 0.1  # so long it is watched whether something slides
 FAR_M = 100.0  # where nothing is in sight
@@ -65,7 +66,7 @@ def _distance(stage: Stage, world: World, frame: str) -> float:
         if far < 0.0:
             return FAR_M
         gone += far
-        if stage.body_of(int(hit[0])) not in own:
+        if body_of(stage.model, int(hit[0])) not in own:
             return float(gone)
         gone += PAST_M
         start = start + T[:3, 2] * (far + PAST_M)
@@ -91,7 +92,7 @@ def _pressing(stage: Stage, bodies: set[str]) -> Iterator[tuple[str, Floats]]:
     found = np.zeros(6)
     for number in range(stage.data.ncon):
         contact = stage.data.contact[number]
-        first, second = (stage.body_of(int(geom)) for geom in contact.geom)
+        first, second = (body_of(stage.model, int(geom)) for geom in contact.geom)
         if (first in bodies) == (second in bodies):
             continue
         mujoco.mj_contactForce(stage.model, stage.data, number, found)

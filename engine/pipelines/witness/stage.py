@@ -1,7 +1,6 @@
 """The stage on which steps are played: the model of MuJoCo while time goes on, its servos, and what they touch."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -10,30 +9,19 @@ from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep
 from engine.pipelines.moves.walking import operation_of
 from engine.pipelines.witness.model import GRIP_N, STEP_S, dragged_by_hand, quaternion, written
+from engine.pipelines.witness.servos import slipped, tolerance, tuned, value_of
 from engine.pipelines.witness.tools import Latches
-from engine.pipelines.witness.tree import carriers_of, exchanged, hand_of, held_by, in_hand, is_free, worn_by
+from engine.pipelines.witness.touches import Touches
+from engine.pipelines.witness.tree import exchanged, hand_of, held_by, in_hand, is_free
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
-from kb.model.cell import BodyKind, JointKind
+from kb.model.cell import BodyKind
 
 LOOK_S = 0.01  # how often contacts are looked at
-LEAST_N = 1.0  # a contact with less force is a graze of rounding
 GRIPS_N = 18.0  # how hard a finger presses against what it grips
 SETTLE_S = 0.5
 CATCH_UP_S = 0.2  # after a leg: the servos lag behind
 BLOCKED_KG = 1e6
-PACE = 40.0  # 1/s: how quickly the servos of an arm follow
-
-
-@dataclass(frozen=True, slots=True)
-class Touched:
-    """A contact that no step allows: when, in which step, between what, and how strong at most."""
-
-    at_s: float
-    step: int
-    first: str
-    second: str
-    force_n: float
 
 
 class Stage:
@@ -46,7 +34,7 @@ class Stage:
         self.by_hand = dragged_by_hand(world.cell)
         self.tools, self.latches = sorted(exchanged(world.cell)), Latches(self.model, self.data)
         self.targets: dict[str, float] = {}
-        self.touched: dict[tuple[int, str, str], Touched] = {}
+        self.touches = Touches(self.model, self.data, world)
         self.off_place, self.off_tip_m, self.step, self.allowed = 0.0, 0.0, 0, frozenset[str]()
         self.held: frozenset[str] = frozenset()
         self._drives: dict[str, float] = {}
@@ -62,9 +50,9 @@ class Stage:
 
     def _set(self, joint: str, value: float) -> None:
         self.data.joint(joint).qpos[0] = value
-        self._aim(joint, value)
+        self.aim(joint, value)
 
-    def _aim(self, joint: str, value: float) -> None:
+    def aim(self, joint: str, value: float) -> None:
         """Aim the servo of a joint, and those of all that follow it."""
         bodies = self.world.cell.bodies
         same = (
@@ -75,14 +63,19 @@ class Stage:
             if number >= 0:
                 self.data.ctrl[number] = value
 
-    def take(self, step: MovedStep, before: World, after: World) -> None:
-        """One step: its legs, and at the place what fingers and furniture do."""
+    def take(self, step: MovedStep, before: World, after: World, stops: bool = False) -> Leg | None:
+        """One step: its legs, and at the place what fingers and furniture do.
+
+        If it `stops`, it ends where something that the arm drags does not come along, as at the limit of a force. The hand holds it
+        still, and the way that the arm came in by is left to go back.
+        """
         operation = operation_of(before.cell, step.operator)
         assert operation is not None
         place = before.cell.places.get(step.place)
         on = before.supports(place.placement.parent) if place is not None else ()
         named = {*on, *(place.touches if place is not None else ()), operation.drags}
         self.step = step.step
+        way_in: Leg | None = None
         for leg in step.legs:
             known = after if leg.kind is LegKind.OUT else before
             self.held = frozenset(held_by(known, leg.arm))
@@ -90,10 +83,12 @@ class Stage:
             if leg.kind is LegKind.DRIVE:
                 self._ride(operation.drives, step.takes_s, before, after)
                 continue
-            self._follow(leg, operation.drags, before, after)
+            if not self._follow(leg, operation.drags, before, after, stops):
+                return way_in
             if leg.kind is not LegKind.DRAG:
                 self._note_tip(leg, known)
             if leg.kind is LegKind.IN:
+                way_in = leg
                 q = self.actual(before).configurations[leg.arm]
                 self.off_place = max(self.off_place, float(np.abs(q - leg.path[-1]).max()))
                 self.held |= frozenset(held_by(after, leg.arm))
@@ -101,6 +96,7 @@ class Stage:
             elif leg.kind is LegKind.DRAG:
                 self.fingers(leg.arm, after, closed=False)
                 self.wait(SETTLE_S)
+        return None
 
     def _note_tip(self, leg: Leg, world: World) -> None:
         """Note how far the tip of what the arm holds, else its tool point, is from where the leg leads."""
@@ -118,9 +114,9 @@ class Stage:
         """A body takes its arm along: smoothly, from rest to rest."""
         began, first, last = self.data.time, value_of(before, body), value_of(after, body)
         while (s := (self.data.time - began) / max(seconds, STEP_S)) < 1.0:
-            self._aim(body, first + s**3 * (10 - 15 * s + 6 * s * s) * (last - first))
-            self._tick()
-        self._aim(body, last)
+            self.aim(body, first + s**3 * (10 - 15 * s + 6 * s * s) * (last - first))
+            self.tick()
+        self.aim(body, last)
         self.wait(CATCH_UP_S)
 
     def _at_place(self, arm: str, takes_s: float, drags: str, before: World, after: World) -> None:
@@ -132,7 +128,7 @@ class Stage:
                 and abs(value_of(after, name) - value_of(before, name)) > 1e-9
             )
             if changed and name != drags and name not in hand_of(after, arm):
-                self._aim(name, value_of(after, name))
+                self.aim(name, value_of(after, name))
         for tool in self.tools:
             self.latches.exchange(tool, before, after)
         self.wait(max(takes_s, SETTLE_S))
@@ -144,7 +140,13 @@ class Stage:
             assert guide is not None
             grips = not closed and value_of(world, name) > 1e-9
             self._strong(name, grips)
-            self._aim(name, guide.upper if closed or grips else value_of(world, name))
+            self.aim(name, guide.upper if closed or grips else value_of(world, name))
+
+    def back_out(self, way_in: Leg) -> None:
+        """The arm goes back the way by which it came in, after the hand has let go."""
+        last = way_in.corners_s[-1]
+        out = replace(way_in, path=way_in.path[::-1], corners_s=last - way_in.corners_s[::-1])
+        self._follow(out, "", self.world, self.world)
 
     def _strong(self, finger: str, grips: bool) -> None:
         """A finger that grips presses with a force of its own; else its drive does what it can."""
@@ -154,62 +156,42 @@ class Stage:
             if name == finger or (body.guide is not None and body.guide.follows == finger):
                 self.model.actuator_forcerange[self.model.actuator(name).id] = -most, most
 
-    def _follow(self, leg: Leg, drags: str, before: World, after: World) -> None:
+    def _follow(self, leg: Leg, drags: str, before: World, after: World, stops: bool = False) -> bool:
+        """The arm goes along a leg. Whether it gets to the end: if it `stops`, it does not go on without what it drags."""
         began = self.data.time
         first, last = (value_of(before, drags), value_of(after, drags)) if drags else (0.0, 0.0)
         joints = [f"{leg.arm}/{each.name}" for each in self.world.cell.arms[leg.arm].arm.joints]
+        stops = stops and leg.kind is LegKind.DRAG
+        held = self._seen_from(drags, leg.arm) if stops else np.eye(4)
         while (t := self.data.time - began) < leg.seconds:
             for joint, value in zip(joints, leg.at(t), strict=True):
-                self._aim(joint, float(value))
+                self.aim(joint, float(value))
             if leg.kind is LegKind.DRAG:
-                self._aim(drags, first + (last - first) * t / leg.seconds)
-            self._tick()
+                self.aim(drags, first + (last - first) * t / leg.seconds)
+            self.tick()
+            if stops and slipped(held, self._seen_from(drags, leg.arm)):
+                self.aim(drags, self.value(drags))
+                return False
         for joint, value in zip(joints, leg.path[-1], strict=True):
-            self._aim(joint, float(value))
+            self.aim(joint, float(value))
         self.wait(CATCH_UP_S)
+        return not stops or self.is_near(drags, last)
+
+    def _seen_from(self, body: str, arm: str) -> Floats:
+        found: Floats = transforms.inverse(self.pose(body)) @ self.pose(f"{arm}.flange")
+        return found
 
     def wait(self, seconds: float) -> None:
         """Time goes on, and everything aims where it aimed."""
         until = self.data.time + seconds
         while self.data.time < until:
-            self._tick()
+            self.tick()
 
-    def _tick(self) -> None:
+    def tick(self) -> None:
+        """One step of time."""
         mujoco.mj_step(self.model, self.data)
         if self.data.time % LOOK_S < self.model.opt.timestep:
-            self._look()
-
-    def _look(self) -> None:
-        """Note every contact of the arm, its hand, and what it holds, that the step does not allow."""
-        force = np.zeros(6)
-        for number in range(self.data.ncon):
-            contact = self.data.contact[number]
-            names = tuple(sorted(self.body_of(geom) for geom in contact.geom))
-            if contact.dist >= 0 or not self._is_strange(names):
-                continue
-            mujoco.mj_contactForce(self.model, self.data, number, force)
-            key = (self.step, names[0], names[1])
-            known = self.touched.get(key)
-            if abs(force[0]) >= LEAST_N and (known is None or force[0] > known.force_n):
-                self.touched[key] = Touched(round(self.data.time, 3), *key, round(float(force[0]), 2))
-
-    def body_of(self, geom: int) -> str:
-        """The body that a shape of the model belongs to."""
-        number = self.model.geom_bodyid[geom]
-        return str(mujoco.mj_id2name(self.model, mujoco.mjtObj.mjOBJ_BODY, number))
-
-    def _is_strange(self, names: tuple[str, ...]) -> bool:
-        """Whether one of two bodies is the arm's, and the other neither its own nor one that the step allows."""
-        own = [name in self.held or self._is_hand(name) for name in names]
-        if all(own) or not any(own):
-            return False
-        return names[0 if own[1] else 1] not in self.allowed
-
-    def _is_hand(self, name: str) -> bool:
-        arm = name.partition("/")[0].partition(".")[0]
-        return arm in self.world.cell.arms or any(
-            name in worn_by(self.world, each) for each in self.world.cell.arms
-        )
+            self.touches.look(self.step, self.held, self.allowed)
 
     def pose(self, body: str) -> Floats:
         """Where a body is in the world, (4, 4)."""
@@ -229,6 +211,10 @@ class Stage:
     def value(self, body: str) -> float:
         """How far a body is along its guide on the stage."""
         return float(self.data.joint(body).qpos[0])
+
+    def is_near(self, body: str, value: float) -> bool:
+        """Whether a body is about as far along its guide as a value (m or rad)."""
+        return abs(self.value(body) - value) <= tolerance(self.world, body)
 
     def put(self, body: str, world: World) -> None:
         """Somebody puts a body where a world has it."""
@@ -276,32 +262,3 @@ class Stage:
                 there = world.pose("world", name)[:3, 3]
                 found[name] = float(np.linalg.norm(self.data.body(name).xpos - there))
         return found
-
-
-def tuned(model: mujoco.MjModel, world: World) -> None:
-    """Give the servos of all arms, and of what carries them, the gains of one pace, critically damped for the inertia at rest.
-
-    The engine balances contacts before it adds the damping of the servos. If damping by far outweighs inertia in a time step, it
-    takes the arm for faster than it is, and what is gripped creeps between the fingers.
-    """
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    arms = world.cell.arms.items()
-    joints = [f"{arm}/{joint.name}" for arm, mounted in arms for joint in mounted.arm.joints]
-    for name in (*joints, *sorted(carriers_of(world))):
-        number, dof = model.actuator(name).id, model.joint(name).dofadr[0]
-        inertia, only = np.zeros(model.nv), np.zeros(model.nv)
-        only[dof] = 1.0
-        mujoco.mj_mulM(model, data, inertia, only)
-        stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
-        model.actuator_gainprm[number, 0] = stiff
-        model.actuator_biasprm[number, 1:3] = -stiff, -damped
-
-
-def value_of(world: World, body: str) -> float:
-    """How far a body is along its guide."""
-    known: Any = world.cell.bodies[body]
-    moved = transforms.inverse(transforms.of_pose(known.placement.pose)) @ world.placed[body].T_parent_frame
-    slides = known.guide.kind is JointKind.PRISMATIC
-    along = moved[:3, 3] if slides else transforms.rotation_vector(moved[:3, :3])
-    return float(along @ np.array(known.guide.axis))

@@ -161,7 +161,8 @@ class Session:
         )
 
     def _repairs(self, belief: tuple[tuple[Hypothesis, float], ...]) -> tuple[str, ...]:
-        """Repairs that may help. Those that are most likely to cure come first, then the cheapest."""
+        """Repairs that may help and were neither tried in vain nor left out. The most likely to cure come first, then the cheapest."""
+        past = {*(stage.observed.action for stage in self.stages), *self.left_out}
         causes = [(cause, p) for h, p in belief for cause in h.causes]
         if any(self.model.causes[cause].stops for cause, _ in causes[:1]):
             return ()
@@ -169,7 +170,7 @@ class Session:
             each.name: sum(p * each.cures.get(cause, 0.0) for cause, p in causes)
             for each in self.model.repairs.values()
         }
-        serving = [name for name, chance in served.items() if chance > 0.0]
+        serving = [name for name, chance in served.items() if chance > 0.0 and name not in past]
         return tuple(
             sorted(serving, key=lambda name: (-round(served[name], 9), self.model.repairs[name].cost))
         )

@@ -1,12 +1,11 @@
 """How far ahead the starts of steps can be forecast, and how surely (Fox and Kempf: as far as the accuracy warrants).
 
-How long steps took beside their forecasts, so far in this run, says how sure the next ones are. Before anything has ended, a
-tenth is assumed. What is forecast is drawn many times, in the order of the forecast, with durations that vary so.
+How long the last steps took beside their forecasts, in this run, says how sure the next ones are. Before anything has ended, a
+tenth is assumed. What is forecast is drawn many times, in the order of the forecast, with durations drawn from those shares.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,40 +15,39 @@ from engine.stages.execution.standing import Standing
 
 TOLERANCE_MS = 60_000  # a start that is known less exactly than this, either way, is not told
 ASSUMED, WEIGHT = 0.1, 2  # the spread before anything is known, and how many steps this counts for
+KEPT = 200  # steps that say how sure the next ones are
 DRAWS, AHEAD = 400, 500  # how often what is left is drawn, and how many of its steps
-TAILS = (2.5, 50.0, 97.5)  # percent: the ends of the interval that has 95 % of the starts, and the middle
+SURE = 95.0  # percent of the starts that are in their intervals
+TAILS = ((100 - SURE) / 2, 50.0, (100 + SURE) / 2)  # percent: the ends of the interval, and the middle
 
 Draws = NDArray[np.float64]  # (DRAWS,): a time in milliseconds in each draw
+Shares = NDArray[np.float64]  # (DRAWS, n): by which shares of their forecasts steps take longer
 
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """By which share of their forecasts so many steps took longer: the sum of the shares, and that of their squares."""
+    """By which shares of their forecasts the last steps took longer, the oldest first."""
 
-    count: int = 0
-    total: float = 0.0
-    squares: float = 0.0
+    shares: tuple[float, ...] = ()
 
     def after(self, lasted_ms: int, forecast_ms: int) -> "Accuracy":
         """The accuracy when another step has ended. A step without a forecast says nothing."""
         if forecast_ms <= 0:
             return self
-        share = lasted_ms / forecast_ms - 1
-        return Accuracy(self.count + 1, self.total + share, self.squares + share * share)
+        return Accuracy((*self.shares[1 - KEPT :], round(lasted_ms / forecast_ms - 1, 4)))
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """When a step will probably begin: in the middle of all draws, and 95 % of them from `low_ms` to `high_ms`."""
+    """When a step will probably begin: `start_ms` is the middle of all draws, and 95 % of them are from `low_ms` to `high_ms`.
+
+    95 % of the draws are also at most `off_ms` away from the middle.
+    """
 
     start_ms: int
     low_ms: int
     high_ms: int
-
-    @property
-    def off_ms(self) -> int:
-        """By how much the start may be off, the larger way."""
-        return max(self.start_ms - self.low_ms, self.high_ms - self.start_ms)
+    off_ms: int
 
 
 def outlook(
@@ -85,12 +83,11 @@ def _starts(
     program: Program, standing: Standing, accuracy: Accuracy, order: list[int]
 ) -> Mapping[int, Draws]:
     """The starts of activities in each draw: when those before them and those on their resources have ended."""
-    now = float(standing.now_ms)
-    lasts = partial(_lasting, np.random.default_rng(0), *_spread(accuracy))
+    now, lasts = float(standing.now_ms), _Lasting(accuracy)
     ends, free, starts = dict[int, Draws](), dict[str, Draws](), dict[int, Draws]()
     for running in standing.running.values():
         activity = program.activities[running.activity]
-        ends[activity.id] = np.maximum(now, running.since_ms + lasts(activity.lasts_ms))
+        ends[activity.id] = now + lasts.still(activity.lasts_ms, standing.now_ms - running.since_ms)
         free |= dict.fromkeys(activity.resources, ends[activity.id])
     for each in order:
         activity = program.activities[each]
@@ -98,30 +95,44 @@ def _starts(
         start: Draws = np.full(DRAWS, soonest)
         for end in (*(ends.get(b) for b in activity.after), *(free.get(r) for r in activity.resources)):
             start = start if end is None else np.maximum(start, end)
-        starts[each], ends[each] = start, start + lasts(activity.lasts_ms)
+        starts[each], ends[each] = start, start + lasts.whole(activity.lasts_ms)
         free |= dict.fromkeys(activity.resources, ends[each])
     return starts
 
 
-def _spread(accuracy: Accuracy) -> tuple[Draws, Draws]:
-    """In each draw the share by which all steps take longer, and how much each of them varies around that.
+class _Lasting:
+    """How long activities last in each draw: the bootstrap (Efron 1979).
 
-    Both are known less exactly the fewer steps have ended: the predictive distribution of a normal sample.
+    Each draw has its own sample of the shares that are known, so what they do not tell yet is uncertain, too; the shares of
+    its activities are taken from that sample.
     """
-    chance = np.random.default_rng(1)
-    count = accuracy.count + WEIGHT
-    mean = accuracy.total / count
-    variance = max(0.0, (accuracy.squares + WEIGHT * ASSUMED**2) / count - mean**2)
-    each = np.sqrt(variance * count / chance.chisquare(count, DRAWS))
-    return mean + each * chance.standard_normal(DRAWS) / np.sqrt(count), each
 
+    def __init__(self, accuracy: Accuracy) -> None:
+        self.chance = np.random.default_rng(0)
+        known = np.broadcast_to(accuracy.shares, (DRAWS, len(accuracy.shares)))
+        assumed = ASSUMED * self.chance.standard_normal((DRAWS, WEIGHT))
+        self.shares: Shares = self._sample(np.hstack((known, assumed)), len(accuracy.shares) + WEIGHT)
 
-def _lasting(chance: np.random.Generator, common: Draws, each: Draws, lasts_ms: int) -> Draws:
-    """How long an activity lasts in each draw."""
-    share: Draws = np.maximum(0.0, 1.0 + common + each * chance.standard_normal(DRAWS))
-    return lasts_ms * share
+    def _sample(self, shares: Shares, count: int) -> Shares:
+        """So many of the shares of each draw, (DRAWS, count), taken with replacement."""
+        places = self.chance.integers(shares.shape[1], size=(DRAWS, count))
+        found: Shares = np.take_along_axis(shares, places, axis=1)
+        return found
+
+    def whole(self, lasts_ms: int) -> Draws:
+        """How long an activity lasts."""
+        found: Draws = lasts_ms * np.maximum(0.0, 1.0 + self._sample(self.shares, 1)[:, 0])
+        return found
+
+    def still(self, lasts_ms: int, passed_ms: int) -> Draws:
+        """How much longer an activity lasts that began `passed_ms` ago, drawn from the shares with which it is not over yet."""
+        left: Shares = lasts_ms * (1.0 + self.shares) - passed_ms
+        keys = np.where(left > 0, self.chance.random(left.shape), -1.0)
+        chosen = np.take_along_axis(left, keys.argmax(axis=1)[:, None], axis=1)[:, 0]
+        found: Draws = np.maximum(0.0, chosen)
+        return found
 
 
 def _window(starts: Draws) -> Window:
     low, middle, high = (round(float(each)) for each in np.percentile(starts, TAILS))
-    return Window(middle, low, high)
+    return Window(middle, low, high, round(float(np.percentile(np.abs(starts - middle), SURE))))

@@ -26,7 +26,7 @@ class GraspPlane:
     def layers(self) -> list[tuple[Floats, Floats, Floats]]:
         """For each block of the hand: its middle (2,) and half extents (2,) in the plane, and its obstacles (m, 2)."""
         found = []
-        for middle, half in zip(*self.jaws.blocks(self.width_m), strict=True):
+        for middle, half in zip(*self.jaws.blocks((self.width_m,)), strict=True):
             inside = np.abs(self.points[:, 0] - middle[0]) < half[0]
             found.append((middle[1:], half[1:], self.points[inside, 1:]))
         return found

@@ -115,7 +115,7 @@ def _grasp(
     start /= np.linalg.norm(start)
     R = np.stack([closing, np.cross(start, closing), start], axis=1)
     poses = transform(rotation(closing, np.arange(turns) * 2 * np.pi / turns) @ R, middle)
-    free = ~meet(poses, *jaws.blocks(width), solid.corners)
+    free = ~meet(poses, *jaws.blocks((width,)), solid.corners)
     arm = float(np.linalg.norm(np.cross(centre - middle, closing)))
     # Two round pads: each resists a torque of 2/3 of friction, force and radius, beside holding the weight.
     holds = 2 * jaws.friction * jaws.force_n

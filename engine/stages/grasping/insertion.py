@@ -1,8 +1,9 @@
-"""Insertion with a sense of force: a guarded approach, and a spiral that searches for the hole while the part is pressed down.
+"""Insertion with a sense of force: a guarded approach, and a search for the hole, on a spiral or with a tilted part.
 
 The controller is a table of phases with one `advance`. It reads positions and forces, and says where the hand shall go next and
 how hard it shall press; it moves nothing and reads no clock. The spiral is that of Chhatpar & Branicky (2001): its turns are so
-near to each other that one of them leads over the hole, whatever its direction.
+near to each other that one of them leads over the hole, whatever its direction. A part that is tilted enters the hole with its
+lowest edge wherever that is over it; it is led against the far wall, and set upright there (Inoue 1974).
 """
 
 from dataclasses import dataclass, replace
@@ -14,20 +15,41 @@ from engine.model.geometry import Floats
 
 TOUCH_N = 3.0  # a force that means contact
 SIGMAS = 3.0
+LEAN_RAD = 0.2  # of a part that is tilted
+TURN_RAD_S = 0.25
+INSIDE = 2.0  # times what is doubted, that the lowest edge is set down inside the far wall
+LAG_M = 0.0006  # how far a hand that is led against a wall lags behind
+TILTING_S = 3.0  # what a search by tilting takes, about
+DEEP = 0.95  # of the depth: a part this deep is in
+DROPPED_M, DROPPED_ROOMS = (
+    0.0005,
+    4,
+)  # a part that drops by more than this, and than this many rooms, does not only lean
+ABOVE_M = 0.003  # how far over the surface a part is tilted
+
+
+class Search(Enum):
+    """How a hole is searched for."""
+
+    NONE = "none"
+    SPIRAL = "spiral"
+    TILT = "tilt"
 
 
 @dataclass(frozen=True, slots=True)
 class Insertion:
-    """A part goes into a hole along -z: how deep, with how much room on each side, and how far off it may be, in metres.
-    Heights count from where its rim is believed to be.
+    """A part goes into a hole along -z: how deep, with how much room (above 0) on each side, and how far off it may be, in metres.
 
-    Without `searches` the hand goes straight down. Speeds are in metres in a second, the force in newtons.
+    Heights count from where the rim is believed to be. Without a search the hand goes straight down. Speeds are in metres in a second, the force in newtons. For a search by tilting,
+    `radius_m` is that of the part, and `length_m` how far its end is from the wrist, about which it tilts.
     """
 
     depth_m: float
     room_m: float
     doubt_m: float
-    searches: bool
+    search: Search
+    radius_m: float = 0.0
+    length_m: float = 0.0
     press_n: float = 8.0
     down_m_s: float = 0.02
     along_m_s: float = 0.006
@@ -37,11 +59,30 @@ class Insertion:
         """How far apart the turns of the spiral are: a path within `room_m` of the middle leads into the hole."""
         return 1.5 * self.room_m
 
+    @property
+    def spiral_s(self) -> float:
+        """How long the whole spiral takes."""
+        return float(np.pi * self.doubt_m**2 / self.pitch_m / self.along_m_s)
 
-def planned(depth_m: float, room_m: float, covariance: Floats) -> Insertion:
-    """The insertion for a room on each side and the covariance (2, 2) of where the hole is: a search where three sigma exceed it."""
+    def edge_m(self, lean_rad: float) -> float:
+        """How far before the wrist, across, the lowest edge of a part is that is tilted so far."""
+        return float(self.radius_m * np.cos(lean_rad) - self.length_m * np.sin(lean_rad))
+
+
+def planned(
+    depth_m: float, room_m: float, covariance: Floats, radius_m: float = 0.0, length_m: float = 0.0
+) -> Insertion:
+    """The insertion for a room on each side and the covariance (2, 2) of where the hole is: a search where three sigma exceed it.
+
+    A round part is tilted if that is quicker than the spiral, and sure to set its edge down inside the hole.
+    """
     doubt = SIGMAS * float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    return Insertion(depth_m, room_m, doubt, doubt > room_m)
+    plan = Insertion(depth_m, room_m, doubt, Search.NONE, radius_m, length_m)
+    if doubt <= room_m:
+        return plan
+    fits = (INSIDE + 1) * doubt < radius_m
+    quicker = plan.spiral_s > TILTING_S
+    return replace(plan, search=Search.TILT if fits and quicker else Search.SPIRAL)
 
 
 class Phase(Enum):
@@ -49,6 +90,9 @@ class Phase(Enum):
 
     APPROACH = "approach"
     SEARCH = "search"
+    LEAN = "lean"
+    LEAD = "lead"
+    RIGHT = "set upright"
     INSERT = "insert"
     DONE = "done"
     FAILED = "failed"
@@ -56,18 +100,28 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inserting:
-    """The phase, where the hand is told to go (3,), how hard it presses, where contact was (3,), and how far round the spiral is."""
+    """The phase, where the hand is told to go (3,), how hard it presses, where contact was (3,), and how far round the spiral is.
+
+    `lean_rad` is how far the part is told to tilt, about y of the hand, so that its edge at +x is lowest.
+    """
 
     phase: Phase
     target: Floats
     press_n: float = 0.0
     contact: Floats | None = None
     turned_rad: float = 0.0
+    lean_rad: float = 0.0
 
 
-def begun(at: Floats) -> Inserting:
-    """Above the place where the hole is believed to be, at (3,)."""
-    return Inserting(Phase.APPROACH, at)
+def begun(at: Floats, plan: Insertion | None = None) -> Inserting:
+    """Above the place where the hole is believed to be, at (3,); a part that will search by tilting leans first."""
+    if plan is None or plan.search is not Search.TILT:
+        return Inserting(Phase.APPROACH, at)
+    inside = plan.radius_m + plan.room_m - INSIDE * plan.doubt_m
+    drop = plan.length_m * (1 - np.cos(LEAN_RAD)) - plan.radius_m * np.sin(LEAN_RAD)
+    return Inserting(
+        Phase.LEAN, at + np.array([inside - plan.edge_m(LEAN_RAD), 0.0, max(-drop, 0.0) + ABOVE_M])
+    )
 
 
 def advance(plan: Insertion, now: Inserting, at: Floats, force_n: float, dt_s: float) -> Inserting:
@@ -77,6 +131,12 @@ def advance(plan: Insertion, now: Inserting, at: Floats, force_n: float, dt_s: f
             return _approached(plan, now, at, force_n, dt_s)
         case Phase.SEARCH:
             return _searched(plan, now, at, dt_s)
+        case Phase.LEAN:
+            return _leant(now, dt_s)
+        case Phase.LEAD:
+            return _led(plan, now, at, dt_s)
+        case Phase.RIGHT:
+            return _righted(plan, now, at, dt_s)
         case Phase.INSERT:
             return _inserted(plan, now, at)
         case _:
@@ -85,18 +145,45 @@ def advance(plan: Insertion, now: Inserting, at: Floats, force_n: float, dt_s: f
 
 def _approached(plan: Insertion, now: Inserting, at: Floats, force_n: float, dt_s: float) -> Inserting:
     """Down, until something is touched: the surface is there, and the hole as deep below it. What touches nothing goes right in."""
-    if at[2] < -0.95 * plan.depth_m:
+    if at[2] < -DEEP * plan.depth_m and not now.lean_rad:
         return replace(now, phase=Phase.DONE)
     if force_n < TOUCH_N:
         return replace(now, target=now.target - [0.0, 0.0, plan.down_m_s * dt_s])
-    phase = Phase.SEARCH if plan.searches else Phase.INSERT
-    return Inserting(phase, now.target, plan.press_n, at.copy())
+    follows = {Search.NONE: Phase.INSERT, Search.SPIRAL: Phase.SEARCH, Search.TILT: Phase.LEAD}
+    return replace(now, phase=follows[plan.search], press_n=plan.press_n, contact=at.copy())
+
+
+def _leant(now: Inserting, dt_s: float) -> Inserting:
+    """Tilt in the air; then down."""
+    lean = min(now.lean_rad + TURN_RAD_S * dt_s, LEAN_RAD)
+    return replace(now, lean_rad=lean, phase=Phase.APPROACH if lean == LEAN_RAD else Phase.LEAN)
+
+
+def _led(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inserting:
+    """The lowest edge is led along the bottom of what it has entered, until the far wall stops it; the hand then lags behind."""
+    assert now.contact is not None
+    if now.target[0] - at[0] > LAG_M:
+        return replace(now, phase=Phase.RIGHT, contact=at.copy())
+    if at[0] - now.contact[0] > 2 * INSIDE * plan.doubt_m + plan.radius_m:
+        return replace(now, phase=Phase.FAILED)
+    ahead = now.target[0] + plan.along_m_s * dt_s
+    return replace(now, target=np.array([ahead, at[1], now.target[2]]))
+
+
+def _righted(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inserting:
+    """Upright about the edge that the wall holds: the wrist goes along, and keeps the part against the wall."""
+    assert now.contact is not None
+    lean = max(now.lean_rad - TURN_RAD_S * dt_s, 0.0)
+    x = now.contact[0] + plan.edge_m(LEAN_RAD) - plan.edge_m(lean) + LAG_M
+    phase = Phase.INSERT if lean == 0.0 else Phase.RIGHT
+    target = np.array([x if lean else at[0], at[1], now.target[2]])
+    return replace(now, lean_rad=lean, phase=phase, target=target)
 
 
 def _searched(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inserting:
     """Round the spiral while it presses, until the part drops by more than it can by leaning."""
     assert now.contact is not None
-    if at[2] < now.contact[2] - max(plan.room_m * 4, 0.0005):
+    if at[2] < now.contact[2] - max(plan.room_m * DROPPED_ROOMS, DROPPED_M):
         return replace(now, phase=Phase.INSERT, target=np.array([at[0], at[1], now.target[2]]))
     a = plan.pitch_m / (2 * np.pi)
     radius = a * now.turned_rad
@@ -110,6 +197,6 @@ def _searched(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inser
 def _inserted(plan: Insertion, now: Inserting, at: Floats) -> Inserting:
     """The hand presses, and gives way to the sides; the part is in when it is as deep as it should be."""
     assert now.contact is not None
-    deep = at[2] < min(now.contact[2], 0.0) - 0.95 * plan.depth_m
-    sideways = at[:2] if plan.searches else now.target[:2]
+    deep = at[2] < min(now.contact[2], 0.0) - DEEP * plan.depth_m
+    sideways = at[:2] if plan.search is not Search.NONE else now.target[:2]
     return replace(now, phase=Phase.DONE if deep else now.phase, target=np.array([*sideways, now.target[2]]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from engine.kernels.bits import bitset
 from engine.model.axioms import Axioms
-from engine.model.quantities import UNBOUNDED, Change, Comparing, Level, Linear, Met
+from engine.model.quantities import UNBOUNDED, Assignment, Comparing, Level, Linear, Met
 from engine.model.task import GroundOperator
 from engine.stages.grounding.numbering import Numbering
 from engine.stages.grounding.numeric import Quantities
@@ -37,7 +37,7 @@ class Numbers:
     names: list[Atom]
     levels: dict[Function, Level] = field(default_factory=dict)
     _met: Met = field(default_factory=dict)
-    _changes: dict[Function, tuple[Change, ...]] = field(default_factory=dict)
+    _changes: dict[Function, tuple[Assignment, ...]] = field(default_factory=dict)
 
     @property
     def start(self) -> int:
@@ -69,7 +69,7 @@ class Numbers:
             schema = next(each for each in self.domain.operators if each.name == operator.instance.name)
             bindings = dict(zip(schema.variables, operator.instance.arguments, strict=True))
             self._changes[operator.instance] = tuple(
-                Change(
+                Assignment(
                     self._level(substitute_atom(each.quantity, bindings)),
                     self._linear(each.value, each.values, bindings, schema.where),
                 )

@@ -19,7 +19,9 @@ from kb.model.workflow import late_stages, reaches
 from kb.terms import Atom, Function, Number, parts_of
 
 Signed = tuple[int, ...]
-Change = tuple[Signed, Bits, Bits]  # the conditions of a conditional effect, what it adds and what it deletes
+ConditionalChange = tuple[
+    Signed, Bits, Bits
+]  # the conditions of a conditional effect, what it adds and what it deletes
 
 
 @dataclass
@@ -31,7 +33,7 @@ class Turns:
     universe: Universe
     initial: Bits
     deduction: Deduction
-    changes: Mapping[tuple[str, Signed], Sequence[Change]]
+    changes: Mapping[tuple[str, Signed], Sequence[ConditionalChange]]
     rules: Rules
     held: Bits = 0  # the atoms that complete a stage whose turn may be to come
     _stages: dict[int, list[tuple[Course, int]]] = field(default_factory=dict)

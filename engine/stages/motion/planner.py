@@ -105,7 +105,8 @@ def _by_strategy(
 
 def _shortened(path: Floats, lines: Edges, query: Query) -> Moved:
     """A free path (m, k), with as many short cuts as the query allows."""
-    goal = int(np.argmin(np.abs(query.goals - path[-1]).max(axis=1)))
+    several = len(query.goals) > 1
+    goal = int(np.argmin(np.abs(query.goals - path[-1]).max(axis=1))) if several else 0
     if len(path) > 2 and query.bridges and not query.upright_rad:
         route = Route(path, query.bridges)
         shorten(route, lines, query.bridges, query.budget)
@@ -115,7 +116,7 @@ def _shortened(path: Floats, lines: Edges, query: Query) -> Moved:
 
 def bounds(joints: Joints, query: Query) -> tuple[Floats, Floats]:
     """Finite limits (k,) and (k,) to draw samples from: a joint without limits goes half a turn, or a metre, beyond the ends."""
-    if not query.moving and np.isfinite(joints.lower).all() and np.isfinite(joints.upper).all():
+    if not query.moving and np.isfinite(joints.upper - joints.lower).all():
         return joints.lower, joints.upper
     ends = np.vstack([query.start[None], query.goals])
     beyond = np.where(joints.prismatic, 1.0, np.pi)

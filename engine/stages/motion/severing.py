@@ -1,8 +1,9 @@
-"""Proofs that there is no path, where one is cheap: what the first joints move cannot pass something.
+"""Proofs that there is no path, where one is cheap: what one joint or two move cannot pass something.
 
-All that the further joints carry is left out, which can only open ways. The values of the first one or two joints are cut into
-cells. A cell is blocked when something overlaps in its middle by more than anything moves from there to its corners: then it
-overlaps in the whole cell. If the other cells do not join the start with a goal, nothing does. Other walls are not found.
+Only pairs of bodies are looked at whose distance no other joint changes: the first links with what stands around, and links
+with each other. All else is left out, which can only open ways. The values of the one or two joints are cut into cells. A cell
+is blocked when something overlaps in its middle by more than anything moves from there to its corners: then it overlaps in the
+whole cell. If the other cells do not join the start with a goal, nothing does. Other walls are not found.
 """
 
 import numpy as np
@@ -17,11 +18,11 @@ ROUNDING = 1e-9  # m
 
 def severed(ground: MotionGround, query: Query) -> Severed | None:
     """A proof that no goal can be reached, or None, which says nothing."""
-    moving = query.moving or tuple(range(ground.scene.joints.count))
+    changing = ground.changing(query.moving or range(ground.scene.joints.count))
     for count, cells in enumerate(CELLS, 1):
-        joints = moving[:count]
-        if len(joints) == count and _limited(ground, joints):
-            found = _parted(ground.proximal(joints), query, joints, cells)
+        for joints in sorted({tuple(sorted(each)) for each in changing if len(each) == count}):
+            rows = [n for n, each in enumerate(changing) if each and each <= set(joints)]
+            found = _parted(ground.only(rows), query, joints, cells) if _limited(ground, joints) else None
             if found is not None:
                 return found
     return None
@@ -37,8 +38,6 @@ def _parted(near: MotionGround, query: Query, joints: tuple[int, ...], cells: in
     """The proof on a grid over these joints, if there is one."""
     from scipy.ndimage import binary_dilation, label
 
-    if not len(near.scene.pairs):
-        return None
     chosen, limits = list(joints), near.scene.joints
     low, high = limits.lower[chosen], limits.upper[chosen]
     middles = _middles(query.start, chosen, low, high, cells)

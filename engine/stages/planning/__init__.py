@@ -7,11 +7,12 @@ not need.
 from engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
 from engine.stages.planning.composites import NO_MACROS, Macros
-from engine.stages.planning.effort import Effort, SearchResult
+from engine.stages.planning.effort import Effort, OutOfRange, SearchResult
 from engine.stages.planning.improvement.anytime import best_plan
 from engine.stages.planning.improvement.deorder import is_internal
 from engine.stages.planning.limits import LITTLE, RESTARTS, ROOM, Limits
-from engine.stages.planning.portfolio import STRATEGIES, Setting
+from engine.stages.planning.portfolio import STRATEGIES
+from engine.stages.planning.setting import Setting
 from engine.stages.planning.variants import TooManyVariants
 
 __all__ = ["LITTLE", "NO_MACROS", "RACE", "RESTARTS", "ROOM", "STRATEGIES", "Limits", "Macros", "plan"]
@@ -34,7 +35,7 @@ def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> O
     setting = Setting(task, limits.seed, macros)
     try:
         answer = STRATEGIES[limits.strategy](setting, effort)
-    except TooManyVariants as error:
+    except (TooManyVariants, OutOfRange) as error:
         return GaveUp(str(error), "expansions", _statistics(effort))
     except MemoryError:
         return GaveUp("out of memory: raise the memory limit, or make the problem smaller", "memory")

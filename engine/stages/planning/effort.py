@@ -7,6 +7,10 @@ from engine.model.outcome import NO_OFFER, Offer
 from engine.model.task import GroundOperator
 
 
+class OutOfRange(Exception):
+    """A search met values that are larger than it can count."""
+
+
 @dataclass
 class Effort:
     """The work done so far, and its limits.

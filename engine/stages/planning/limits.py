@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from engine.kernels.cancellation import Interrupted, never
 from engine.stages.planning.effort import Effort
@@ -10,6 +11,16 @@ from kb.model.plan import Plan
 STATES = 500_000
 CHECKS = 40_000_000  # questions whether an operator can be done in a state
 RESTARTS = 6
+
+
+class Batching(NamedTuple):
+    """Expansions and generated nodes of the searches for fewer batches, for each node of `Limits.improvement`."""
+
+    expansions: int
+    generated: int
+
+
+BATCHING = Batching(2, 40)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,3 +68,8 @@ class Limits:
     def improving(self) -> Effort:
         """The effort for the improvement of a plan."""
         return Effort(1 << 60, self.interrupted, most=1 << 60 if self.thorough else self.improvement)
+
+    def batching(self) -> Effort:
+        """The effort for fewer repeated steps in a plan, for tasks that only forward searches can plan."""
+        most = self.improvement
+        return Effort(BATCHING.expansions * most, self.interrupted, most=BATCHING.generated * most)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from engine.kernels.cancellation import Interrupted, never
 from engine.model.task import Task
 from engine.stages.planning.composites import Pattern
-from engine.stages.planning.effort import Effort
-from engine.stages.planning.portfolio import COMPOSITES, GREED, Setting
+from engine.stages.planning.effort import Effort, OutOfRange
 from engine.stages.planning.regression.searches import BestFirst
 from engine.stages.planning.regression.space import Backward
+from engine.stages.planning.setting import COMPOSITES, GREED, Setting
 
 SEEDS = (0, 1, 2, 3, 4)  # one run for each seed, where a search breaks ties by chance
 MOST = 20_000  # a task that takes more nodes is not used for training
@@ -98,7 +98,10 @@ def _forward(task: Task, interrupted: Interrupted) -> Work:
         total = 0
         for seed in SEEDS:
             effort = Effort(most, interrupted, most=most - total)
-            answer = forward(task, seed, patterns=patterns).run(effort)
+            try:
+                answer = forward(task, seed, patterns=patterns).run(effort)
+            except OutOfRange:
+                return most
             total += effort.generated
             if answer is None or total >= most:
                 return most

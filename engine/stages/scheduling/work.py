@@ -24,8 +24,8 @@ REST = "other work"  # the job of the blocks that serve no object
 
 @dataclass(frozen=True)
 class Wishes:
-    """What a cell says about time besides durations: empty travel between stops, longest stays in places, and when
-    jobs begin and are due.
+    """What a cell says about time besides durations: empty travel between stops, longest stays in places, when jobs begin
+    and are due, and in which windows measurements begin, by their names, counted from the start of the tour.
     """
 
     travel: Mapping[tuple[Term, Term], int] = field(default_factory=dict)
@@ -34,11 +34,12 @@ class Wishes:
     release: Mapping[Term, int] = field(default_factory=dict)
     due: Mapping[Term, int] = field(default_factory=dict)
     priority: Mapping[Term, int] = field(default_factory=dict)
+    windows: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     @property
     def any(self) -> bool:
         """Whether anything is wished."""
-        return any((self.travel, self.longest_stay, self.release, self.due))
+        return any((self.travel, self.longest_stay, self.release, self.due, self.windows))
 
     def place(self, instance: Function, resources: Sequence[Term], arm: Term) -> Term | None:
         """Where a step is done: the first of its terms that is a stop."""

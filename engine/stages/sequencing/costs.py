@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 NO_GROUPS, NO_EXTRA, NO_ENDS = np.zeros(0, np.int32), np.zeros((1, 1), np.int64), np.zeros(0, np.int64)
 NARROWEST = 2**28  # sums of four smaller costs fit in 32 bits
+ROWS = 200  # of a table that are made at once
+TABLED = 4_000  # up to this number of cities a table of all costs is worth its memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +66,14 @@ class Costs:
         group = self.group[inner] if len(self.group) else self.group
         ends = self.ends[cities] if len(inner) < len(cities) else NO_ENDS
         return Costs(None, Metric(self.metric.kind, self.metric.points[inner]), group, self.extra, ends)
+
+    def tabled(self) -> "Costs":
+        """The same costs, by a matrix if the cities are not too many."""
+        if self.matrix is not None or len(self) > TABLED:
+            return self
+        every = np.arange(len(self))
+        rows = np.array_split(every, len(self) // ROWS + 1)
+        return of_matrix(np.concatenate([self.between(some[:, None], every[None]) for some in rows]))
 
     def kernel(self) -> "Distances":
         """The same for compiled loops."""

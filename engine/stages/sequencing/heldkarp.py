@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engine.kernels.arrays import Floats, Ints, Longs
 from engine.kernels.cancellation import Interrupted, never
-from engine.stages.sequencing.costs import Costs
+from engine.stages.sequencing.costs import TABLED, Costs
 
 if TYPE_CHECKING:
     from engine.stages.sequencing.kernels.graphs import Graph
@@ -38,7 +38,7 @@ QUICK = 8_000  # up to this number of cities there is always a bound, soon after
 KNOWN = 60  # of more cities, on average so many near ones are counted
 QUANTILES = (1.0, 0.9999, 0.999, 0.99, 0.95, 0.9, 0.75, 0.5)  # of the weights of a tree
 STEEPEST = 4.0  # a city of more edges is turned no more than by so many: one that all are near would leap out of reach
-WEIGHED, LIGHTEST = 4_000, 5  # up to so many cities, so many of the lightest edges of each are looked for
+LIGHTEST = 5  # so many edges of each city are looked for where there is a table
 CHUNK = 2_000_000  # weights at once
 FEWER, LEAST = 4, 3  # each time as many clusters; the fewest
 NO_FLOOR = 1e300
@@ -84,6 +84,7 @@ def bound(
     The last city of an `opened` tour is no place: it stands for its ends. `effort` is the number of cities that are looked at. If it is interrupted, it has no time for a bound on many cities: 0.
     """
     n, upper, best = len(costs), costs.of_tour(tour), -np.inf
+    costs = costs.tabled()
     if n > QUICK and interrupted():
         return 0
     cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
@@ -127,11 +128,11 @@ def _edges(costs: Costs, codes: Longs) -> _Edges:
 def _promising(costs: Costs, penalty: Floats) -> Longs:
     """The few lightest edges of each city under the penalties; none of many cities, which have too many edges to look at."""
     n = len(costs)
-    if n > WEIGHED:
+    if costs.matrix is None or n > TABLED:
         return np.zeros(0, np.int64)
-    every, found = np.arange(n), list[Longs]()
-    for rows in np.array_split(every, n * n // CHUNK + 1):
-        weight = costs.between(rows[:, None], every[None]) + penalty
+    found = list[Longs]()
+    for rows in np.array_split(np.arange(n), n * n // CHUNK + 1):
+        weight = costs.matrix[rows] + penalty
         weight[rows - rows[0], rows] = np.inf
         light = np.argpartition(weight, LIGHTEST, axis=1)[:, :LIGHTEST]
         found.append(_codes(np.repeat(rows, LIGHTEST), light.ravel(), n))

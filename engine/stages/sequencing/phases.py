@@ -26,7 +26,6 @@ AT_ONCE, TOGETHER = (
     300,
     1200,
 )  # visits whose phases are bounded together: always, and where time is given to bounds
-MORE = 3  # halves of the kicks that suit as many visits without phases
 QUICK = 1  # kicks of a search that is made for its bound
 
 
@@ -79,7 +78,7 @@ def _together(problem: TourProblem, limits: Limits, improved: From) -> Tour | No
         replace(visit, phase=0, station=_place(visit.station, phase[n]))
         for n, visit in enumerate(problem.visits)
     )
-    work = limits.work or MORE * default_work(len(visits)) // 2
+    work = limits.work or default_work(len(visits))
     found = improved(replace(problem, visits=visits, shifts=shifts), replace(limits, work=work), order)
     ways = found.order if phase[found.order[0]] == 0 else found.order[::-1]
     if violations(problem, ways):

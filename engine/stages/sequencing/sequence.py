@@ -13,7 +13,7 @@ from engine.kernels.arrays import Floats, Ints, Longs
 from engine.model.metric import Metric
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import Tour, TourProblem, cost_of, violations
-from engine.stages.sequencing import heldkarp, phases, symmetric
+from engine.stages.sequencing import heldkarp, phases, symmetric, windows
 from engine.stages.sequencing.chain1987 import chain
 from engine.stages.sequencing.costs import Costs, of_matrix
 from engine.stages.sequencing.curve import along_hilbert
@@ -82,7 +82,7 @@ def _contradiction(problem: TourProblem) -> str | None:
             return f"the window of {visit.name} ends before it begins"
     if best_first_order(problem) is None:
         return "the precedence of the visits has a cycle"
-    return None
+    return windows.clash(problem)
 
 
 def _beyond(method: str, plain: bool) -> str:

@@ -26,7 +26,7 @@ HUGE = 20_000  # from this number of cities on, a first annealing that is hardly
 TOURS = 6  # that are merged
 COUNT = 7  # candidates of each city
 STEPS = 300  # of the ascent over a matrix if no proof is tried; fewer if each takes long
-MOST = 2_000_000  # kicks, if the caller sets no number
+LITTLE, MOST = 20_000, 2_000_000  # kicks, if the caller sets no number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,8 +137,8 @@ class _Search:
 
 
 def default_work(n: int) -> int:
-    """The number of kicks that suits n visits: about a second and a half for a thousand."""
-    return min(20_000 + 40 * n, max(MOST, 10 * n))
+    """The number of kicks that suits n visits: two annealings, about a second for a thousand."""
+    return min(max(LITTLE, 3 * FIRST * n + 2000), max(MOST, 10 * n))
 
 
 def bound(

@@ -9,7 +9,7 @@ arithmetic (`kb.arithmetic`), what clingo derives from the static rules (`kb.asp
 
 from collections.abc import Iterable, Iterator
 
-from engine.stages.validation.changes import Change
+from engine.stages.validation.changes import StepChange
 from engine.stages.validation.claims import false_claims
 from engine.stages.validation.datalog import holds
 from engine.stages.validation.facts import Facts
@@ -113,7 +113,7 @@ class _Check:
         self.final, self.stages = state, stages
         return True
 
-    def _execute(self, step: Step, state: Facts) -> Change | None:
+    def _execute(self, step: Step, state: Facts) -> StepChange | None:
         bound = self.semantics.binding(step.operator)
         if isinstance(bound, str):
             self._report("K501", f"step {step.id} {step.operator}: {bound}")

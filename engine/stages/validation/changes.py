@@ -44,7 +44,7 @@ class Denial:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class StepChange:
     """What a step does in one state: the atoms that it adds, the atoms of that state that end, and all that
     it denies.
     """

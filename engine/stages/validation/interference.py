@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.stages.validation.changes import Change, Denial, State
+from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import Bindings, holds
 from engine.stages.validation.facts import Facts
 from engine.stages.validation.precedence import Precedence
@@ -30,7 +30,7 @@ class Executed:
     step: Step
     operator: Operator
     bindings: Bindings
-    change: Change
+    change: StepChange
 
     @cached_property
     def denied(self) -> State:

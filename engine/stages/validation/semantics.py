@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from engine.stages.validation.changes import Change, Denial, State, well_typed
+from engine.stages.validation.changes import Denial, State, StepChange, well_typed
 from engine.stages.validation.datalog import Bindings, bound, solve
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.evaluated import Evaluated
@@ -186,7 +186,9 @@ class Semantics:
             return f"its constraints do not hold: {', '.join(map(str, operator.body))}"
         return operator, bindings
 
-    def change(self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts) -> Change:
+    def change(
+        self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts
+    ) -> StepChange:
         """What a step does in a state; `facts` is the state with its derived atoms."""
         added: list[Atom] = []
         explicit: list[Atom] = []
@@ -210,7 +212,7 @@ class Semantics:
             return
         yield from bound(effect.parameters, effect.condition, facts, bindings)
 
-    def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> Change:
+    def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> StepChange:
         """The least fixpoint of what is added and denied, starting from `added`.
 
         The end of an atom has consequences only if the atom is in `state`.
@@ -239,7 +241,7 @@ class Semantics:
         deduced = [denial for denial in denials if denial.deduced]
         contradiction = next((a for a in adds if any(d.matches(a, self.statics) for d in deduced)), None)
         ends = frozenset(atom for atom in ended if atom not in adds)
-        return Change(frozenset(adds), ends, tuple(denials), frozenset(triggered), contradiction)
+        return StepChange(frozenset(adds), ends, tuple(denials), frozenset(triggered), contradiction)
 
     def _consequences(self, atom: Atom, positive: bool, waiting: list[Atom], fresh: list[Denial]) -> bool:
         found = False

@@ -18,6 +18,7 @@ TRIED, BETTERED, REFINED = (
     14,
     5,
 )  # hypotheses that are looked at, bettered a little, and brought to the best pose
+HOPELESS = 0.01  # of what speaks for the best pose: so little is not refined any more
 NEAR_M, NEAR_RAD = 0.006, np.radians(8)  # hypotheses this near to each other become one
 BELOW_M = 0.004
 UNSOUND = 0.005  # of the share that agrees, and a tenth of the share of the outline
@@ -55,13 +56,13 @@ def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | N
     if not len(begun):
         return NotLocated("nothing in the image has edges like those of the part")
     view = View(image, ground.known)
-    apart = _ordered(model, view, _distinct(begun, model, TRIED))[:BETTERED]
-    nearer = [refined(model, view, T, 2)[0] for T in apart]
-    nearer += [
-        refined(model, view, T @ S, 2)[0] for T in _ordered(model, view, nearer)[:1] for S in model.likenesses
-    ]
+    apart = [T for _, T in _ordered(model, view, _distinct(begun, model, TRIED))[:BETTERED]]
+    nearer = _ordered(model, view, [refined(model, view, T, 2)[0] for T in apart])
+    alike = [refined(model, view, T @ S, 2)[0] for _, T in nearer[:1] for S in model.likenesses]
+    nearer = sorted([*nearer, *_ordered(model, view, alike)], key=lambda pair: -pair[0])
+    hopeful = [T for value, T in nearer if value > HOPELESS * nearer[0][0]]
     final: list[tuple[Hypothesis, Floats]] = []
-    for T in _distinct(_ordered(model, view, nearer), model, REFINED):
+    for T in _distinct(hopeful, model, REFINED):
         pose, covariance = refined(model, view, T)
         each = judged(model, view, pose)
         if each is not None and not _below(model, pose, ground) and _rests(model, pose, view, ground):
@@ -69,10 +70,10 @@ def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | N
     return _decided(model, final, demands or Demands())
 
 
-def _ordered(model: Model, view: View, poses: Sequence[Floats]) -> list[Floats]:
-    """The poses of a part in the picture, those first for which most speaks."""
+def _ordered(model: Model, view: View, poses: Sequence[Floats]) -> list[tuple[float, Floats]]:
+    """The poses of a part in the picture with what speaks for them, those first for which most does."""
     found = [(worth(each), T) for T in poses if (each := judged(model, view, T)) is not None]
-    return [T for _, T in sorted(found, key=lambda pair: -pair[0])]
+    return sorted(found, key=lambda pair: -pair[0])
 
 
 def worth(one: Hypothesis) -> float:

@@ -108,7 +108,7 @@ def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
         agree / max(int(known.sum()), 1),
         float(good.sum() / max(told.sum(), 1)),
         agree,
-        float(explained + ended),
+        float(explained + ended) - AGREES**2 * through,
     )
 
 

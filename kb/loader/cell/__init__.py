@@ -14,7 +14,7 @@ from kb.loader.cell.measuring import read_measuring
 from kb.loader.cell.operations import read_operations
 from kb.loader.cell.places import Mentioned, is_tool, read_places
 from kb.loader.cell.sensors import Sensed, read_sensor
-from kb.loader.quantities import ANGLE, Quantities, child, members
+from kb.loader.quantities import ANGLE, LENGTH, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.references import domain_of
 from kb.loader.tree import Node, read_file
@@ -25,12 +25,13 @@ from kb.model.cell import (
     Body,
     BodyKind,
     Cell,
+    JointKind,
     Measuring,
     MountedArm,
     Region,
-    Sensor,
     Zone,
 )
+from kb.model.sensors import Sensor
 from kb.model.shapes import Sphere
 from kb.targets import CELL_FILE
 
@@ -103,7 +104,7 @@ class _CellReader:
 
     def _measuring(self, bodies: Mapping[str, Body]) -> dict[str, Measuring]:
         return {
-            key: read_measuring(node, self.read, bodies)
+            key: read_measuring(key, node, self.read, bodies)
             for key, key_node, node in self.reader.entries("measuring")
             if is_tool(key, key_node, self.read, bodies)
         }
@@ -129,13 +130,19 @@ class _CellReader:
     def _arm(self, node: Node) -> MountedArm:
         arm = self._model(node)
         home = child(node, "home")
-        values = tuple(self.read.number(item, ANGLE) for item in home.value) if home else ()
-        if home and len(values) != len(arm.joints):
-            hint = f"the arm has {len(arm.joints)} joints"
-            self.read.findings.add(home.where, "K707", f"there are {len(values)} joint values", hint)
+        values = self._home(arm, home) if home else ()
         return MountedArm(
             arm, read_placement(node, self.read), self.read.pose(child(node, "tool")), values, node.where
         )
+
+    def _home(self, arm: Arm, home: Node) -> tuple[float, ...]:
+        """The joint values in which an arm rests: metres where a joint slides, radians where it turns."""
+        if len(home.value) != len(arm.joints):
+            hint = f"the arm has {len(arm.joints)} joints"
+            self.read.findings.add(home.where, "K707", f"there are {len(home.value)} joint values", hint)
+            return ()
+        units = [LENGTH if joint.kind is JointKind.PRISMATIC else ANGLE for joint in arm.joints]
+        return tuple(self.read.number(item, unit) for item, unit in zip(home.value, units, strict=True))
 
     def _model(self, node: Node) -> Arm:
         model, urdf = child(node, "model"), child(node, "urdf")

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from kb.diagnostics import unknown_name
 from kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, members, required
 from kb.loader.tree import Node
-from kb.model.cell import Body, JointKind, Sensing, Sensor
+from kb.model.cell import Body, JointKind
+from kb.model.sensors import Sensing, Sensor
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.formats.interop.depth_files import read_depth
+from engine.formats.interop.depth_files import read_cloud, read_depth
 from engine.kernels.arrays import Floats
 from engine.model.vision import Camera
 from kb.diagnostics import InvalidInput
@@ -74,3 +74,24 @@ def test_another_size_or_kind_is_told(tmp_path: Path) -> None:
         read_depth(path, CAMERA)
     with pytest.raises(InvalidInput, match="not a kind of depth image"):
         read_depth(tmp_path / "image.jpg", CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "does not name the columns x, y and z"),
+        ("a,b\n1,2\n", "does not name the columns x, y and z"),
+        ("x,y,z\n1,2\n", "as many columns as the first one"),
+        ("x,y,z\n1,2,three\n", "could not convert"),
+        ("x,y,z\n1,2,1e200\n", "a coordinate is greater than"),
+    ],
+)
+def test_a_table_without_three_columns_of_numbers_is_told(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text(text)
+    with pytest.raises(InvalidInput, match=said):
+        read_cloud(tmp_path / "points.csv")
+
+
+def test_the_columns_of_a_table_are_found_by_their_names(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("name,Z, y,x\na,3,2,1\n\nb,nan,0,0\n")
+    assert read_cloud(tmp_path / "points.csv").tolist() == [[1.0, 2.0, 3.0]]

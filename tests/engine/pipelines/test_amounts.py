@@ -72,6 +72,13 @@ def test_an_instance_whose_duration_has_no_value_does_not_exist(tmp_path: Path) 
     assert isinstance(outcome_of(tmp_path, "10 / (After - 1)"), Infeasible)
 
 
+@pytest.mark.parametrize("product", ["65536 * 65536 * After", "2000000000 * (After + 1)"])
+def test_an_amount_that_wraps_around_is_reported(tmp_path: Path, product: str) -> None:
+    for duration, cost in ((product, "1"), ("1", product)):
+        with pytest.raises(InvalidInput, match=r"K115.*too large a number"):
+            outcome_of(tmp_path, duration, cost)
+
+
 @pytest.mark.parametrize(("duration", "cost"), [("2 - After", "1"), ("1", "1 - After")])
 def test_a_negative_amount_is_reported_with_its_instance(tmp_path: Path, duration: str, cost: str) -> None:
     with pytest.raises(InvalidInput, match=r"K113.*of fill\(a, [1-3], [2-4]\) is -"):

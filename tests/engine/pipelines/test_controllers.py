@@ -1,23 +1,21 @@
 """Controllers in other processes: whatever one does, each command ends, or the loss is told in time."""
 
 import json
-import socket
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from benchmarks.controllers import Lines, Manners, Server, at_reply
 from engine.model.execution import Command, CommandKind, Fate, Record, RecordKind, Reply, Trouble
 from engine.model.outcome import Outcome
 from engine.pipelines import planning
 from engine.pipelines.controllers import ControllerDriver
 from engine.pipelines.controllers.conformance import checked
 from engine.pipelines.controllers.link import Patience, Place
-from engine.pipelines.controllers.serving import Cell, Conversation
+from engine.pipelines.controllers.serving import Cell
 from engine.pipelines.execution import Wanted, begin
 from engine.pipelines.execution.begin import named
 from engine.pipelines.execution.orders import Timed
@@ -30,43 +28,6 @@ from kb.model.problem import Problem
 
 CELL = Path(__file__).parents[2] / "domains" / "capping" / "problems" / "no_caps.yaml"
 HURRY = Patience(5, 2, 0.2, 1.5)
-Lines = list[bytes]
-Manners = Callable[[int, Lines], Lines | None]  # what is sent instead of some lines; None hangs up
-
-
-class Server:
-    """A controller in this process, whose answers go through `manners`. It counts the lines that it has heard."""
-
-    def __init__(
-        self, problem: Problem, manners: Manners = lambda _, lines: lines, factor: float = 0.0, **options: str
-    ) -> None:
-        self.cell = Cell(DriverSetup(problem, "", 0, factor, options))
-        self.manners, self.heard = manners, 0
-        self.listener = socket.create_server(("127.0.0.1", 0))
-        self.place = Place("", "127.0.0.1", self.listener.getsockname()[1])
-        threading.Thread(target=self._serve, daemon=True).start()
-
-    def _serve(self) -> None:
-        with suppress(OSError):
-            while True:
-                line, _ = self.listener.accept()
-                with line, suppress(OSError):
-                    self._converse(line)
-
-    def _converse(self, line: socket.socket) -> None:
-        conversation = Conversation(self.cell)
-        for text in line.makefile("rb"):
-            self.heard += 1
-            said = self.manners(self.heard, conversation.answers(text))
-            if said is None:
-                line.shutdown(socket.SHUT_RDWR)
-                return
-            line.sendall(b"".join(said))
-
-    def close(self) -> None:
-        self.listener.close()
-        if self.cell.simulator is not None:
-            self.cell.simulator.close()
 
 
 @pytest.fixture(scope="module")
@@ -106,20 +67,6 @@ def run(
 
 def told(records: list[Record], kind: RecordKind, key: str) -> list[str]:
     return [record.content[key] for record in records if record.kind is kind]
-
-
-def at_reply(number: int, instead: Callable[[bytes], Lines]) -> Manners:
-    """Something else in place of the reply to one command."""
-
-    def manners(_: int, lines: Lines) -> Lines:
-        found: Lines = []
-        for each in lines:
-            content = json.loads(each)
-            is_it = content["type"] == "reply" and content["number"] == number
-            found += instead(each) if is_it else [each]
-        return found
-
-    return manners
 
 
 def test_a_controller_that_behaves_reaches_the_goals(

@@ -40,6 +40,7 @@ def test_measurements_among_other_acts_keep_the_order_of_their_sentence(seed: in
     assert all(one.id in other.after for one, other in itertools.pairwise(outcome.plan.steps))
 
 
+@pytest.mark.slow
 def test_what_is_measured_anew_in_a_recovery_is_measured_in_this_order_as_well(tmp_path: Path) -> None:
     made = tmp_path / "plan.json"
     invoke = CliRunner().invoke

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from engine.formats.interop.inspections import import_file
 from engine.pipelines.checking import check
 from engine.stages.grounding import ground, reachable_atoms
@@ -31,6 +33,7 @@ def test_of_measurements_that_are_alike_a_few_are_left(tmp_path: Path) -> None:
     assert fewer(small.problem).problem == small.problem
 
 
+@pytest.mark.slow
 def test_what_is_reached_with_a_few_is_told_of_all(tmp_path: Path) -> None:
     problem = load_problem(str(imported(tmp_path, rows(160))))
     small = fewer(problem)

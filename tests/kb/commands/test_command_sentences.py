@@ -245,3 +245,9 @@ def test_there_are_sixty_good_and_forty_bad_sentences() -> None:
     good = sum(text.startswith("say: ") for text in texts)
     assert good >= 60
     assert len(texts) - good >= 40
+
+
+def test_a_domain_without_such_objects_points_to_its_problems() -> None:
+    with pytest.raises(InvalidInput, match="there is no tube 4") as refused:
+        understand(load_domain("centrifuge"), "cap tube 4")
+    assert "give the command to a problem that has a tube" in refused.value.diagnostics[0].hint

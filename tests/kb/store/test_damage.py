@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.stores_damage import spoil
 from engine.faces.cli import app
 
 COMMANDS = [
@@ -63,35 +64,9 @@ def corrupted(sound: Path, folder: Path, seed: int) -> Path:
     shutil.copy(sound, file)
     data = bytearray(file.read_bytes())
     for _ in range(chance.choice((1, 1, 3, 30))):
-        _spoil(chance, data)
+        spoil(chance, data)
     file.write_bytes(data)
     return file
-
-
-def _spoil(chance: random.Random, data: bytearray) -> None:
-    page, pages = 4096, max(len(data) // 4096, 1)
-    at, one, other = (
-        chance.randrange(len(data)),
-        page * chance.randrange(pages),
-        page * chance.randrange(pages),
-    )
-    match chance.randrange(7):
-        case 0:
-            data[at] ^= 1 << chance.randrange(8)
-        case 1:
-            data[at : at + 8] = chance.randbytes(8)
-        case 2:
-            data[one : one + page] = data[other : other + page]
-        case 3:
-            data[one : one + page] = bytes(page)
-        case 4 if len(data) > page:
-            del data[at:]
-            data.extend(b"\0" * chance.choice((0, 100)) or b"\0")
-        case 5:
-            data[chance.randrange(min(100, len(data)))] = chance.randrange(256)
-        case _:
-            start = one + chance.randrange(120)
-            data[start : start + 4] = chance.randbytes(4)
 
 
 def bugs(sound: Path, folder: Path, seeds: range) -> Iterator[str]:
@@ -108,6 +83,7 @@ def bugs(sound: Path, folder: Path, seeds: range) -> Iterator[str]:
             yield f"{seed} {command}: no diagnostic"
 
 
+@pytest.mark.slow
 def test_damage_ends_with_diagnostics(sound: Path, tmp_path: Path) -> None:
     assert list(bugs(sound, tmp_path, range(15))) == []
 

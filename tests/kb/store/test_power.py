@@ -80,6 +80,7 @@ def after_power_loss(happened: list[Note], chance: random.Random) -> dict[str, b
     return {name: bytes(file) for name, file in files.items()}
 
 
+@pytest.mark.slow
 def test_what_was_acknowledged_survives_a_loss_of_power_at_any_moment(disk: str, tmp_path: Path) -> None:
     folder, log = tmp_path / "watched", tmp_path / "log"
     folder.mkdir()

@@ -1,6 +1,7 @@
 """A library is checked, backed up while others write, and restored into either kind of database."""
 
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from kb.store.checking import checked
 from kb.store.copying import back_up, restore
 from kb.store.engines import connected, transaction
 from kb.store.journal import Journal, Line, lines
+from kb.store.poses import PoseStore
 from kb.store.schema import macrops, outlines, shared
 from kb.store.sequences import PlannedVisit, SequencePlan, Sequences
 
@@ -146,3 +148,17 @@ def test_what_is_no_library_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput):
         checked(str(tmp_path / "empty.db"))
     assert sorted(each.name for each in tmp_path.iterdir()) == ["empty.db"]
+
+
+def test_poses_are_kept_by_several_writers_at_once(target: str) -> None:
+    def keep(number: int) -> None:
+        with Cases(target), Journal(target), PoseStore(target) as poses:
+            for _ in range(4):
+                poses.keep(
+                    "cell", "p", {("m1", "probe", "s"): str(number), ("m2", "probe", "s"): str(number)}
+                )
+
+    with ThreadPoolExecutor(4) as writers:
+        list(writers.map(keep, range(4)))
+    with PoseStore(target) as poses:
+        assert len(set(poses.of("cell", "p").values())) == 1

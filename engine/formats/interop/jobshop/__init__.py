@@ -5,7 +5,6 @@ the plain text of the benchmark libraries, a line holds the numbers of jobs and 
 of machine and duration.
 """
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -13,6 +12,7 @@ from typing import Any, TypeGuard
 from engine.model.shop import Job, Resource, Shop, Stage, in_order
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
+from kb.json_text import parsed
 from kb.numbers import NumberError, whole
 
 LONGEST = 10**9  # time units, and also the largest number of a machine
@@ -38,8 +38,8 @@ def _invalid(path: Path, code: str, message: str, hint: str = "", line: int = 0)
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:
     try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        found = parsed(text)
+    except ValueError as error:
         raise _invalid(path, "K806", f"not JSON: {error}") from None
     if "duration_matrix" in found:
         return {path.stem: found}

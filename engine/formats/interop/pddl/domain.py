@@ -31,9 +31,7 @@ class DomainReader:
             for part in self._all(":derived")
             if part.rest and isinstance(part.rest[0], Group)
         }
-        self.changed = {
-            name for action in self._all(":action") for name in _changed(_field(action, ":effect"))
-        }
+        self.changed = {name for action in self._all(":action") for name in _changed(action.field(":effect"))}
         self.static: set[str] = set()
         self.functions = Functions()
 
@@ -147,10 +145,10 @@ class DomainReader:
         if not isinstance(word, Word):
             self.document.add(group, "K801", "an action needs a name")
         name = word.text if isinstance(word, Word) else "action"
-        listed = _field(group, ":parameters")
+        listed = group.field(":parameters")
         parameters = self.scope.parameters(self.document, listed.parts if isinstance(listed, Group) else ())
         types = {parameter.variable: parameter.type for parameter in parameters}
-        needed, effect = _field(group, ":precondition"), _field(group, ":effect")
+        needed, effect = group.field(":precondition"), group.field(":effect")
         numbers = self.conditions.numbers
         numbers.bound, numbers.outer = {}, frozenset(types)
         precondition: Condition = TRUE if needed is None else self.conditions.condition(needed, types)
@@ -200,14 +198,6 @@ def _invented(rules: Sequence[Rule]) -> Iterator[Predicate]:
     for rule in rules:
         if rule.head.name.startswith("axiom_"):
             yield Predicate(rule.head.name, (OBJECT,) * len(rule.head.arguments), Kind.DERIVED)
-
-
-def _field(group: Group, key: str) -> Expression | None:
-    """The expression after a keyword such as `:effect`."""
-    for part, following in zip(group.parts, group.parts[1:], strict=False):
-        if isinstance(part, Word) and part.text == key:
-            return following
-    return None
 
 
 def _changed(at: Expression | None) -> Iterator[str]:

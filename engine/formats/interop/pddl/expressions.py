@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -37,6 +38,13 @@ class Group:
     def rest(self) -> tuple["Word | Group", ...]:
         """All parts except the first."""
         return self.parts[1:]
+
+    def field(self, key: str) -> "Word | Group | None":
+        """The expression after a keyword such as `:effect`."""
+        for part, following in pairwise(self.parts):
+            if isinstance(part, Word) and part.text == key:
+                return following
+        return None
 
 
 Expression = Word | Group

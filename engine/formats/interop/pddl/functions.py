@@ -22,7 +22,6 @@ from engine.formats.interop.pddl.polynomials import (
 
 CHANGES = ("increase", "decrease", "assign", "scale-up", "scale-down")
 COST = "total-cost"
-_AIMS = ("minimize", "maximize")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +60,12 @@ def applied(at: Expression) -> Group | None:
     return at if at.head else None
 
 
-def heads(at: Expression | None) -> Iterator[str]:
-    """The first words of all groups in an expression."""
-    if isinstance(at, Group):
-        yield at.head
-        for part in at.parts:
-            yield from heads(part)
+def words(at: Expression | None) -> Iterator[str]:
+    """All words in an expression."""
+    if isinstance(at, Word):
+        yield at.text
+    for part in at.parts if isinstance(at, Group) else ():
+        yield from words(part)
 
 
 @dataclass
@@ -94,7 +93,7 @@ class FunctionReader:
         self.declared = {*declared, COST}
         self._actions = [part for part in groups(domain) if part.head == ":action"]
         self._effects = [
-            each for action in self._actions for each in numeric_effects(_field(action, ":effect"))
+            each for action in self._actions for each in numeric_effects(action.field(":effect"))
         ]
 
     def read(self) -> Functions:
@@ -130,15 +129,15 @@ class FunctionReader:
     def _needed(self) -> set[str]:
         """The functions that conditions read, and those that these are changed by."""
         conditions = [
-            *(_field(action, ":precondition") for action in self._actions),
-            *(when for action in self._actions for when in _premises(_field(action, ":effect"))),
+            *(action.field(":precondition") for action in self._actions),
+            *(when for action in self._actions for when in _premises(action.field(":effect"))),
             *(part for part in groups(self.domain) if part.head == ":derived"),
             *(part for part in groups(self.problem) if part.head == ":goal"),
         ]
-        needed = {name for each in conditions for name in heads(each)} & self.declared
+        needed = {name for each in conditions for name in words(each)} & self.declared
         while True:
             read = {
-                name for e in self._effects if e.name in needed for name in heads(e.amount)
+                name for e in self._effects if e.name in needed for name in words(e.amount)
             } & self.declared
             if read <= needed:
                 return needed
@@ -154,13 +153,16 @@ class FunctionReader:
         metric = next((part for part in groups(self.problem) if part.head == ":metric"), None)
         if metric is None:
             return
+        if metric.rest and isinstance(metric.rest[0], Word) and metric.rest[0].text == "maximize":
+            found.unfollowed = "plans are made cheap, nothing is made as large as possible"
+            return
         try:
             weights = self._weights(metric)
         except Unreadable as wrong:
             self._refuse(self.problem, wrong.at, str(wrong))
             return
         costs = [each for each in self._effects if each.name in weights]
-        found.unfollowed = next(filter(None, (self._no_cost(each) for each in costs)), "")
+        found.unfollowed = next(filter(None, map(self._no_cost, costs)), "")
         if found.unfollowed or not costs:
             return
         try:
@@ -173,12 +175,10 @@ class FunctionReader:
 
     def _weights(self, metric: Group) -> dict[str, Fraction]:
         """The factor of each function in what is minimised. Raises `Unreadable`."""
-        if len(metric.rest) != 2 or not isinstance(metric.rest[0], Word) or metric.rest[0].text not in _AIMS:
+        aim = metric.rest[0] if len(metric.rest) == 2 else metric
+        if not isinstance(aim, Word) or aim.text != "minimize":
             raise Unreadable(metric, "write (:metric minimize (function))")
-        if metric.rest[0].text == "maximize":
-            return {}
-        wanted = applied(metric.rest[1])
-        read = polynomial(wanted or metric.rest[1], lambda group: group.head)
+        read = self._named(metric.rest[1])
         if any(len(monomial) > 1 for monomial in read.parts) or min(read.parts.values(), default=0) < 0:
             raise Unreadable(metric, "a metric is a sum of functions with positive factors")
         return {monomial[0]: factor for monomial, factor in read.parts.items() if monomial}
@@ -189,7 +189,7 @@ class FunctionReader:
             self._refuse(self.domain, effect.at, "a cost that rises only under a condition")
         if effect.kind != "increase":
             return f"{effect.name} does not only rise"
-        if set(heads(effect.amount)) & {each.name for each in self._effects}:
+        if set(words(effect.amount)) & {each.name for each in self._effects}:
             return f"{effect.name} rises by amounts that change"
         return ""
 
@@ -197,14 +197,6 @@ class FunctionReader:
 def groups(document: Document) -> list[Group]:
     """The sections of a file."""
     return [part for part in document.root.rest if isinstance(part, Group)]
-
-
-def _field(group: Group, key: str) -> Expression | None:
-    """The expression after a keyword such as `:effect`."""
-    for part, following in zip(group.parts, group.parts[1:], strict=False):
-        if isinstance(part, Word) and part.text == key:
-            return following
-    return None
 
 
 def _premises(at: Expression | None) -> Iterator[Expression]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from engine.formats.interop.pddl.expressions import Document, Expression, Group
-from engine.formats.interop.pddl.functions import Functions, NumericEffect, applied, numeric_effects
+from engine.formats.interop.pddl.functions import Functions, NumericEffect, numeric_effects
 from engine.formats.interop.pddl.names import NameMapping
 from engine.formats.interop.pddl.polynomials import LARGEST, Polynomial, Unreadable, polynomial
 from kb.model.conditions import TRUE, And, Comparison, Condition, Exists, Literal, Parameter
@@ -39,16 +39,13 @@ class NumberReader:
     def comparison(self, at: Group, read: Read) -> Condition:
         """A comparison of two numbers. A wrong one is reported and replaced by true."""
         try:
-            left, right = (polynomial(self._side(part), read) for part in at.rest)
+            left, right = (polynomial(part, read) for part in at.rest)
             return self._compared(left + right.times(Fraction(-1)), at)
         except ValueError:
             self.document.add(at, "K102", f"'{at.head}' compares two numbers")
         except Unreadable as wrong:
             self._refuse(wrong)
         return TRUE
-
-    def _side(self, at: Expression) -> Expression:
-        return applied(at) or at
 
     def _refuse(self, wrong: Unreadable) -> None:
         hint = "conditions and effects are sums of functions with fixed factors"
@@ -155,7 +152,7 @@ class NumberReader:
             raise Unreadable(effect.at, "it changes only under a condition, or for several objects")
         if effect.kind in ("scale-up", "scale-down"):
             raise Unreadable(effect.at, f"{effect.kind} is not linear")
-        quantity, amount = read(effect.function), polynomial(self._side(effect.amount), read)
+        quantity, amount = read(effect.function), polynomial(effect.amount, read)
         if effect.kind == "decrease":
             amount = amount.times(Fraction(-1))
         assigned = effect.kind == "assign"
@@ -191,9 +188,9 @@ class NumberReader:
         try:
             for each in numeric_effects(effect):
                 if weight := self.functions.metric.get(each.name):
-                    total = total + polynomial(self._side(each.amount), read).times(weight)
+                    total = total + polynomial(each.amount, read).times(weight)
             term = self._whole(
-                self._folded(total).times(Fraction(self.functions.unit_of_cost)), effect_of(effect)
+                self._folded(total).times(Fraction(self.functions.unit_of_cost)), _group(effect)
             )
         except Unreadable as wrong:
             self._refuse(wrong)
@@ -205,8 +202,8 @@ class NumberReader:
         return valued(function, Number(int(value * self._unit(function))))
 
 
-def effect_of(at: Expression | None) -> Group:
-    """The group of an effect, or an empty one."""
+def _group(at: Expression | None) -> Group:
+    """An effect as a place for messages."""
     return at if isinstance(at, Group) else Group((), 0)
 
 

@@ -76,7 +76,7 @@ def polynomial(at: Expression, key: Callable[[Group], Key]) -> Polynomial[Key]:
     if (value := number_of(at)) is not None:
         return Polynomial.number(value)
     if isinstance(at, Word):
-        raise Unreadable(at, f"'{at.text}' is neither a number nor a function")
+        return Polynomial({(key(Group((at,), at.offset)),): Fraction(1)})  # a function without arguments
     if at.head not in ARITHMETIC:
         return Polynomial({(key(at),): Fraction(1)})
     parts = [polynomial(part, key) for part in at.rest]

@@ -15,7 +15,6 @@ MAX_DEPTH = 60
 MAX_ELEMENTS = 2_000_000
 PASSED_OVER = frozenset(
     {
-        "Attributes",
         "Header",
         "Validation",
         "ViewSet",

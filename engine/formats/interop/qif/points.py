@@ -7,6 +7,7 @@ thickness is measured at points on the first plane. A feature without a scheme i
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from engine.formats.interop.qif.faces import Product
 from engine.formats.interop.qif.features import features_of
 from engine.formats.interop.qif.material import Placed
 from engine.formats.interop.qif.parts import Part, Placement
+from engine.formats.interop.qif.points_read import Asked, points_asked
 from engine.formats.interop.qif.reading import Reading
 from engine.formats.interop.qif.regions import rows, spread
 from engine.kernels.arrays import Floats
@@ -46,12 +48,15 @@ def inspection_of(path: Path, unit_m: float = 1e-3, edge_m: float | None = None)
     excluded: list[Excluded] = []
     remarks: list[Excluded] = []
     features, steps = features_of(root, reading), alignment_steps(root)
+    asked = points_asked(root, reading)
     for feature in features:
         found = _placed(feature, part)
         if isinstance(found, str):
             excluded.append(Excluded(feature.name, found))
         else:
-            points += _points(feature, found, steps.get(feature.name.removeprefix("f"), 0))
+            number = feature.name.removeprefix("f")
+            placed = _points(feature, found, steps.get(number, 0))
+            points += placed if number not in asked else (_as_asked(each, asked[number]) for each in placed)
             remarks += [Excluded(feature.name, found.remark)] if found.remark else []
     return Inspection(path.stem, tuple(points), tuple(excluded), len(features), tuple(remarks))
 
@@ -97,6 +102,16 @@ def _points(feature: Feature, placement: Placement, step: int) -> Iterator[Measu
             step,
             nominal,
         )
+
+
+def _as_asked(point: MeasurementPoint, asked: Asked) -> MeasurementPoint:
+    """A point of a feature that is itself a point, as the document asks for it."""
+    name, kind = asked.name or point.name, asked.kind or point.kind
+    nominal = asked.nominal_m if asked.nominal_m is not None else 0.0 if kind == "profile" else None
+    feature = asked.name or point.feature
+    return replace(
+        point, name=name, feature=feature, kind=kind, nominal_m=nominal, bore_m=asked.bore_m, tool=asked.tool
+    )
 
 
 def _triple(v: Floats) -> Triple:

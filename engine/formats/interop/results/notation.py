@@ -1,9 +1,12 @@
 """Results as JSON: what was measured, and what was done to each object."""
 
 import json
+import sys
 from typing import Any
 
+from kb.json_text import parsed
 from kb.model.results import Measured, Results, Treated
+from kb.numbers import is_number
 
 VERSION = 1
 KEYS = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool", "action", "at_ms")
@@ -36,14 +39,34 @@ def written_json(results: Results) -> str:
 
 def read_json(text: str) -> Results:
     """The results of a JSON text. Raises `ValueError`."""
-    found = json.loads(text)
+    found = parsed(text)
     if not isinstance(found, dict) or found.get("version") != VERSION:
         raise ValueError(f"not results in version {VERSION}")
-    measured = [{key: value for key, value in each.items() if key != "passed"} for each in found["measured"]]
     history = [{**each, "changes": tuple(each["changes"])} for each in found["history"]]
     return Results(
         found["run"],
         found["started"],
-        tuple(Measured(**each) for each in measured),
+        tuple(map(_measured, found["measured"])),
         tuple(Treated(**each) for each in history),
     )
+
+
+def _measured(entry: dict[str, Any]) -> Measured:
+    said = {key: value for key, value in entry.items() if key != "passed"}
+    for key, value in said.items():
+        if not _fits(key, value):
+            raise ValueError(f"`{key}` cannot be {str(value)[:40]}")
+    return Measured(**said)
+
+
+def _fits(key: str, value: object) -> bool:
+    """Whether a value is of the type that a measured value has there."""
+    match key:
+        case "value":
+            return is_number(value, sys.float_info.max)
+        case "nominal" | "lower" | "upper":
+            return value is None or is_number(value, sys.float_info.max)
+        case "at_ms":
+            return type(value) is int
+        case _:
+            return isinstance(value, str)

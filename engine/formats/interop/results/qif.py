@@ -7,15 +7,21 @@ and a limit, as QIF demands, else an attribute. What QIF has no place for stands
 import uuid
 from collections.abc import Iterable
 from datetime import datetime, timedelta
-from decimal import Decimal
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from engine.formats.interop.qif.writing import (
+    METRES,
+    attributed,
+    document,
+    linear_unit,
+    plain,
+    standard,
+    text_of,
+    under,
+)
 from engine.formats.interop.results.demands import Demand, demand_of, kind_of
 from kb.model.results import Measured, Results
 
-NAMESPACE = "http://qifstandards.org/xsd/qif3"
-METRES = {"m": "1", "cm": "0.01", "mm": "0.001", "um": "0.000001", "nm": "0.000000001", "in": "0.0254"}
 STATUS = {True: "PASS", False: "FAIL", None: "NOT_ANALYZED"}
 RUN = uuid.UUID("6f7d9a50-6a3c-5c1e-9d3e-2f0d5a1b7c44")  # names of runs are made unique below it
 
@@ -29,7 +35,7 @@ class _Document:
     def __init__(self, results: Results) -> None:
         self.results = results
         self.last = 0
-        self.root = Element("QIFDocument", {"xmlns": NAMESPACE, "versionQIF": "3.0.0"})
+        self.root = document()
         self.demands = {each: self._ids() for each in dict.fromkeys(map(demand_of, results.measured))}
         self.tools = {each: self._id() for each in sorted({m.tool for m in results.measured if m.tool})}
 
@@ -46,34 +52,24 @@ class _Document:
         name = f"{self.results.run} {self.results.started}"
         SubElement(self.root, "QPId").text = str(uuid.uuid5(RUN, name))
         if self.results.started:
-            _under(self.root, "Version", "TimeCreated", text=_moment(self.results, measured))
+            under(self.root, "Version", "TimeCreated", text=_moment(self.results, measured))
         if measured:
-            standard = self._standard()
+            number = standard(self.root, self._id())
             self._units()
             self._devices()
-            self._characteristics(standard)
+            self._characteristics(number)
         self._results()
-        self.root.set("idMax", str(self.last))
-        ElementTree.indent(self.root)
-        return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(self.root, "unicode")}\n'
-
-    def _standard(self) -> int:
-        number = self._id()
-        listed = SubElement(self.root, "StandardsDefinitions", n="1")
-        standard = SubElement(listed, "Standard", id=str(number))
-        _under(standard, "Organization", "StandardsOrganizationEnum", text="ISO")
-        SubElement(standard, "Designator").text = "23952"
-        return number
+        return text_of(self.root, self.last)
 
     def _units(self) -> None:
         units = dict.fromkeys(each.unit for each in self.results.measured)
         lengths = [each for each in units if each in METRES] or ["mm"]
         file = SubElement(self.root, "FileUnits")
-        _unit(SubElement(file, "PrimaryUnits"), lengths[0])
+        linear_unit(SubElement(file, "PrimaryUnits"), lengths[0])
         if lengths[1:]:
             others = SubElement(file, "OtherUnits", n=str(len(lengths) - 1))
             for each in lengths[1:]:
-                _unit(others, each)
+                linear_unit(others, each)
         own = {each.unit: each.quantity for each in self.demands if kind_of(each) == "UserDefinedUnit"}
         if own:
             listed = SubElement(file, "UserDefinedUnits", n=str(len(own)))
@@ -84,10 +80,10 @@ class _Document:
 
     def _devices(self) -> None:
         if self.tools:
-            listed = _under(self.root, "MeasurementResources", "MeasurementDevices")
+            listed = under(self.root, "MeasurementResources", "MeasurementDevices")
             listed.set("n", str(len(self.tools)))
             for name, number in self.tools.items():
-                _under(SubElement(listed, "MeasurementDevice", id=str(number)), "Name", text=name)
+                under(SubElement(listed, "MeasurementDevice", id=str(number)), "Name", text=name)
 
     def _characteristics(self, standard: int) -> None:
         aspects = SubElement(self.root, "Characteristics")
@@ -104,20 +100,20 @@ class _Document:
         found = SubElement(
             SubElement(results, "MeasurementResultsSet", n="1"), "MeasurementResults", id=str(self._id())
         )
-        _attributes(found, {"run": self.results.run, "started": self.results.started})
+        attributed(found, {"run": self.results.run, "started": self.results.started})
         if measured:
-            listed = _under(found, "MeasuredCharacteristics", "CharacteristicMeasurements")
+            listed = under(found, "MeasuredCharacteristics", "CharacteristicMeasurements")
             listed.set("n", str(len(measured)))
             for each in measured:
                 self._measurement(listed, each)
-        _under(found, "InspectionStatus", "InspectionStatusEnum", text=_status(measured))
+        under(found, "InspectionStatus", "InspectionStatusEnum", text=_status(measured))
 
     def _measurement(self, listed: Element, measured: Measured) -> None:
         demand = demand_of(measured)
         kind = kind_of(demand)
         made = SubElement(listed, f"{kind}CharacteristicMeasurement", id=str(self._id()))
-        _attributes(made, _beside(measured))
-        _under(made, "Status", "CharacteristicStatusEnum", text=STATUS[measured.passed])
+        attributed(made, _beside(measured))
+        under(made, "Status", "CharacteristicStatusEnum", text=STATUS[measured.passed])
         SubElement(made, "CharacteristicItemId").text = str(self.demands[demand][2])
         if self.results.started:
             SubElement(made, "TimeStamp").text = _moment(self.results, [measured])
@@ -125,20 +121,6 @@ class _Document:
             devices = SubElement(made, "MeasurementDeviceIds", n="1")
             SubElement(devices, "Id").text = str(self.tools[measured.tool])
         _valued(made, "Value", kind, measured.value, measured.unit)
-
-
-def _under(parent: Element, *path: str, text: str | None = None) -> Element:
-    for tag in path:
-        parent = SubElement(parent, tag)
-    parent.text = text
-    return parent
-
-
-def _unit(parent: Element, name: str) -> None:
-    unit = SubElement(parent, "LinearUnit")
-    SubElement(unit, "SIUnitName").text = "meter"
-    SubElement(unit, "UnitName").text = name
-    _under(unit, "UnitConversion", "Factor", text=METRES[name])
 
 
 def _define(listed: Element, demand: Demand, ids: tuple[int, int, int]) -> None:
@@ -183,7 +165,7 @@ def _itemise(listed: Element, demand: Demand, ids: tuple[int, int, int]) -> None
 
 def _valued(parent: Element, tag: str, kind: str, value: float, unit: str) -> None:
     made = SubElement(parent, tag)
-    made.text = format(Decimal(repr(value)), "f")
+    made.text = plain(value)
     if kind != "UserDefinedAttribute":
         made.set("linearUnit" if kind == "UserDefinedLinear" else "unitName", unit)
 
@@ -196,12 +178,6 @@ def _beside(measured: Measured) -> dict[str, str]:
         limits = {name: getattr(measured, name) for name in ("nominal", "lower", "upper")}
         found |= {name: repr(value) for name, value in limits.items() if value is not None}
     return found
-
-
-def _attributes(parent: Element, given: dict[str, str]) -> None:
-    listed = SubElement(parent, "Attributes", n=str(len(given)))
-    for name, value in given.items():
-        SubElement(listed, "AttributeStr", name=name, value=value)
 
 
 def _moment(results: Results, measured: Iterable[Measured]) -> str:

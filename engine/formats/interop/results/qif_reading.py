@@ -4,6 +4,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from kb.model.results import Measured, Results
+from kb.numbers import finite, whole
 
 SPACE = "{http://qifstandards.org/xsd/qif3}"
 
@@ -34,7 +35,7 @@ def _measured(element: Element, known: dict[str, Element]) -> Measured:
     limits = definition.find(f"{SPACE}Tolerance")
     limits = nominal if limits is None else limits
     nominal_value, lower, upper = (
-        float(said[name]) if name in said else _number(where, tag)
+        finite(said[name]) if name in said else _number(where, tag)
         for name, where, tag in (
             ("nominal", nominal, "TargetValue"),
             ("lower", limits, "MinValue"),
@@ -44,7 +45,7 @@ def _measured(element: Element, known: dict[str, Element]) -> Measured:
     of, quantity, unit, tool, action = (
         said.get(name, "") for name in ("of", "quantity", "unit", "tool", "action")
     )
-    value, at_ms = float(_text(element, "Value")), int(said.get("at_ms", "0"))
+    value, at_ms = finite(_text(element, "Value")), whole(said.get("at_ms", "0"))
     return Measured(of, quantity, value, unit, nominal_value, lower, upper, tool, action, at_ms)
 
 
@@ -59,4 +60,4 @@ def _text(element: Element, tag: str) -> str:
 
 def _number(element: Element, tag: str) -> float | None:
     text = _text(element, tag)
-    return float(text) if text else None
+    return finite(text) if text else None

@@ -5,6 +5,7 @@ import io
 from collections.abc import Mapping
 
 from kb.model.results import Measured, Results
+from kb.numbers import finite, whole
 
 TEXTS = ("of", "quantity", "unit", "tool", "action")
 NUMBERS = ("nominal", "lower", "upper")
@@ -37,9 +38,9 @@ def read_csv(text: str) -> Results:
 
 
 def _measured(row: Mapping[str, str]) -> Measured:
-    nominal, lower, upper = (float(row[name]) if row[name] else None for name in NUMBERS)
+    nominal, lower, upper = (finite(row[name]) if row[name] else None for name in NUMBERS)
     of, quantity, unit, tool, action = (row[name] for name in TEXTS)
-    value, at_ms = float(row["value"]), int(row["at_ms"])
+    value, at_ms = finite(row["value"]), whole(row["at_ms"])
     return Measured(of, quantity, value, unit, nominal, lower, upper, tool, action, at_ms)
 
 

@@ -148,6 +148,10 @@ class BuiltinBackend:
     name = "builtin"
     exact_depths = True
 
+    def checker_of_few(self, scene: Scene) -> BuiltinChecker:
+        """Pack a scene, without a tree."""
+        return BuiltinChecker(scene)
+
     def checker(self, scene: Scene) -> CollisionChecker:
         """Pack a scene; what stands in it becomes a region tree when it is much."""
         standing = sum(piece.carrier == 0 for piece in scene.pieces)

@@ -131,3 +131,7 @@ class CoalBackend:
     def checker(self, scene: Scene) -> CoalChecker:
         """A checker with coal geometries for the scene. Raises `ValueError` for a rounded polytope."""
         return CoalChecker(scene)
+
+    def checker_of_few(self, scene: Scene) -> CoalChecker:
+        """The same checker."""
+        return self.checker(scene)

@@ -13,12 +13,14 @@ from engine.kernels.geometry.layout import Pairs, Pieces
 from engine.kernels.geometry.mechanism import Mechanism
 from engine.kernels.geometry.proof import Proof
 from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Contact, Floats, Joints, Scene, Truths
+from engine.model.geometry import Contact, Floats, Joints, Piece, Scene, Truths
 from engine.ports import CollisionChecker, MotionGround
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.covering import covered
 from engine.stages.geometry.collision.difference import differing
 from engine.stages.geometry.shapes.packing import bounded, grouped
+
+ON_AXIS_M = 1e-10  # a point that is nearer to an axis lies on it
 
 
 class Ground:
@@ -37,11 +39,6 @@ class Ground:
             joints.prismatic,
             travelled(joints),
         )
-
-    @classmethod
-    def paired(cls, checker: CollisionChecker) -> "Ground":
-        """The ground of a checker of few pairs: the built-in kernels look at each pair, and their depths are exact."""
-        return cls(BuiltinChecker(checker.scene))
 
     @property
     def scene(self) -> Scene:
@@ -84,18 +81,29 @@ class Ground:
         """The ground where one box stands for all that the joints `wrist` carry between two configurations (k,)."""
         return Ground(BuiltinChecker(covered(self.scene, wrist, start, goal)))
 
-    def proximal(self, joints: Collection[int]) -> "Ground":
-        """The ground of what these joints alone move, against what stands still. All else is left out."""
+    def changing(self, moving: Collection[int]) -> tuple[frozenset[int], ...]:
+        """For each pair of the scene, which of the moving joints change how far apart it is.
+
+        None are told of a pair that is moved from both sides. A joint does not count if one piece is round about its axis.
+        """
         scene = self.scene
         movers: list[frozenset[int]] = [frozenset()]
         for joint, parent in enumerate(scene.joints.parent):
-            movers.append(movers[parent] | {joint})
-        kept = [n for n, piece in enumerate(scene.pieces) if movers[piece.carrier] <= frozenset(joints)]
-        number = np.full(len(scene.pieces), -1)
-        number[kept] = np.arange(len(kept))
-        moves = np.array([piece.carrier != 0 for piece in scene.pieces], dtype=bool)
-        pairs = scene.pairs.reshape(-1, 2)
-        left = number[pairs[(moves[pairs].sum(axis=1) == 1) & (number[pairs] >= 0).all(axis=1)]]
+            movers.append(movers[parent] | ({joint} & frozenset(moving)))
+        round_about = [_round_about(scene, piece) for piece in scene.pieces]
+        found = []
+        for i, j in scene.pairs.reshape(-1, 2).tolist():
+            one, other = (movers[scene.pieces[n].carrier] for n in (i, j))
+            nested = one <= other or other <= one
+            found.append((one ^ other) - round_about[i] - round_about[j] if nested else frozenset())
+        return tuple(found)
+
+    def only(self, rows: Sequence[int]) -> "Ground":
+        """The ground of some pairs of the scene, given by their numbers."""
+        scene = self.scene
+        pairs = scene.pairs.reshape(-1, 2)[list(rows)]
+        kept = np.unique(pairs)
+        left = np.searchsorted(kept, pairs).astype(np.int64)
         pieces = tuple(scene.pieces[n] for n in kept)
         return Ground(BuiltinChecker(replace(scene, pieces=pieces, pairs=np.ascontiguousarray(left))))
 
@@ -147,3 +155,18 @@ def travelled(joints: Joints) -> Floats:
     """How far from 0 each joint gets at most within its limits (k,), rad or m."""
     found: Floats = np.maximum(np.abs(joints.lower), np.abs(joints.upper))
     return found
+
+
+def _round_about(scene: Scene, piece: Piece) -> frozenset[int]:
+    """The joints, at its own carrier and at those behind it, about whose axes a piece is round: they do not move it if they turn."""
+    joints, found = scene.joints, set()
+    points = matmul(piece.vertices, piece.T_carrier_piece[:3, :3].T) + piece.T_carrier_piece[:3, 3]
+    for joint in range(joints.count):
+        if joints.prismatic[joint] or piece.carrier not in (joint + 1, joints.parent[joint]):
+            continue
+        T = np.eye(4) if piece.carrier == joint + 1 else joints.T_parent_origin[joint]
+        axis = matmul(T[:3, :3], joints.axis[joint])
+        off = np.cross(points - T[:3, 3], axis)
+        if float(np.abs(off).max()) < ON_AXIS_M:
+            found.add(joint)
+    return frozenset(found)

@@ -8,9 +8,11 @@ import math
 import numpy as np
 
 from engine.kernels.geometry.layout import AXES, BALL, HALF, RADIUS, Pairs, Pieces
-from engine.model.geometry import Floats, Joints, Scene, Truths
+from engine.model.geometry import Floats, Joints, Longs, Scene, Truths
 
 SAMPLES = 512
+MOST_TRIED = 16  # pairs that are tried before a walk down a tree
+WORTH = 0.03  # of the poses that are left
 
 
 def touchable(scene: Scene, pieces: Pieces, within_m: float = 0.0) -> Truths:
@@ -79,3 +81,25 @@ def likeliest_first(poses: Floats, pieces: Pieces, pairs: Pairs) -> Pairs:
     count_hits(poses, pieces, pairs, hits)
     groups = np.ascontiguousarray(pairs.groups[np.argsort(-hits, kind="stable")])
     return Pairs(pairs.pairs, groups, pairs.after, pairs.order)
+
+
+def settling(hits: Longs) -> Longs:
+    """Few pairs (k, 2) of which one touches in as many poses as possible, the best first; at most `MOST_TRIED`.
+
+    `hits` (m, 3) are a pose and two numbers of a pair each. A pair is worth a try in every pose if it settles a share `WORTH` of
+    the poses that those before it leave open; poses in which nothing touches never count as settled.
+    """
+    pairs, which = np.unique(hits[:, 1:], axis=0, return_inverse=True)
+    which, pose, found = which.reshape(-1), hits[:, 0], list[int]()
+    unsettled = SAMPLES
+    while len(found) < MOST_TRIED and len(pose):
+        gains = np.bincount(which, minlength=len(pairs))
+        best = int(gains.argmax())
+        if gains[best] < WORTH * unsettled:
+            break
+        found.append(best)
+        unsettled -= int(gains[best])
+        left = ~np.isin(pose, pose[which == best])
+        pose, which = pose[left], which[left]
+    chosen: Longs = pairs[found].astype(np.int64).reshape(-1, 2)
+    return chosen

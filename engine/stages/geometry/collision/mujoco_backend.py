@@ -137,3 +137,7 @@ class MujocoBackend:
     def checker(self, scene: Scene) -> MujocoChecker:
         """A checker with a compiled model of the scene. Raises `ValueError` for a rounded polytope."""
         return MujocoChecker(scene, self._native_blocks)
+
+    def checker_of_few(self, scene: Scene) -> MujocoChecker:
+        """The same checker."""
+        return self.checker(scene)

@@ -19,6 +19,8 @@ from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.inverse import Branches, InverseKinematics
 from engine.stages.geometry.kinematics.turning import nearest_turns
+from engine.stages.geometry.reach.seeing import Seeing, Unseen, View, best
+from engine.stages.geometry.reach.shallow import Shallow
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import scene_of, scene_of_pairs
 from kb.model.cell import Place
@@ -60,6 +62,8 @@ class Reachability:
         self._kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
         self._checkers: dict[tuple[str, str, tuple[str, ...]], CollisionChecker] = {}
         self._meetings: dict[tuple[str, str, tuple[str, ...]], CollisionChecker] = {}
+        self._seeing: dict[tuple[str, str], Seeing | None] = {}
+        self._views: dict[Place, list[View]] = {}
 
     def at(self, place: Place) -> Reached | Unreached:
         """The configurations in which the arm reaches a place, or why it does not reach it."""
@@ -72,16 +76,60 @@ class Reachability:
         return goal
 
     def target(self, place: Place, back_m: float = 0.0) -> Floats:
-        """T_base_flange for a place, backed off along the tool's z: (n, 4, 4), one for each angle of the
-        tool.
-        """
-        base = self._world.pose(f"{place.arm}.base", place.placement.parent)
-        T_base_goal = matmul(base, transforms.of_pose(place.placement.pose))
-        angles = np.arange(TURNS if place.turns else 1) * 2 * math.pi / TURNS
-        around = transforms.transform(transforms.rotation((0, 0, 1), angles), np.zeros(3))
-        ends = matmul(T_base_goal, around, transforms.translation(0.0, 0.0, -back_m))
+        """T_base_flange for a place, backed off along the tool's z: (n, 4, 4), one for each angle of the tool."""
+        ends = matmul(self._turned(place), transforms.translation(0.0, 0.0, -back_m))
         poses: Floats = matmul(ends, transforms.inverse(self.flange_to_end(place)))
         return poses
+
+    def seen_at(self, place: Place, asked: Truths) -> Truths:
+        """At which angles of the tool (n,), of those that are asked about, the patch at a place is seen; all if nothing is declared."""
+        if self.seeing(place) is None:
+            return asked
+        found = asked.copy()
+        found[asked] = [each is None for each in self._unseen_from(place, self._turned(place)[asked])]
+        return found
+
+    def _turned(self, place: Place) -> Floats:
+        """T_base_end (n, 4, 4) at a place, one for each angle of the tool."""
+        base = self._world.pose(f"{place.arm}.base", place.placement.parent)
+        angles = np.arange(TURNS if place.turns else 1) * 2 * math.pi / TURNS
+        around = transforms.transform(transforms.rotation((0, 0, 1), angles), np.zeros(3))
+        ends: Floats = matmul(base, transforms.of_pose(place.placement.pose), around)
+        return ends
+
+    def seeing(self, place: Place) -> Seeing | None:
+        """What the tool of a place sees; None if the cell does not declare it as a scanner."""
+        key = (place.arm, place.tool)
+        if key not in self._seeing:
+            how = self._world.cell.measuring.get(place.tool)
+            sight = how.sight if how else None
+            self._seeing[key] = Seeing(self._world, *key, how, sight) if how and sight else None
+        return self._seeing[key]
+
+    def _unseen_from(self, place: Place, T_base_end: Floats) -> list[Unseen | None]:
+        seeing = self.seeing(place)
+        assert seeing is not None
+        ends = matmul(self._world.pose("world", f"{place.arm}.base"), T_base_end)
+        self._views.setdefault(place, []).extend(seeing.view(place, T) for T in ends)
+        return [seeing.unseen(place, T) for T in ends]
+
+    def sees(self, place: Place, q: Floats) -> bool:
+        """Whether the patch at a place is seen at a configuration (k,) of its arm; where nothing is declared, it is."""
+        if self.seeing(place) is None:
+            return True
+        T_base_end = matmul(self._world.models[place.arm].flange_pose(q), self.flange_to_end(place))
+        return self._unseen_from(place, T_base_end[None])[0] is None
+
+    def unseen(self, place: Place) -> Unseen | None:
+        """Why the patch at a place is not seen at any angle of the tool; None if it is seen."""
+        if self.seeing(place) is None:
+            return None
+        found = self._unseen_from(place, self._turned(place))
+        return best(found) if all(each is not None for each in found) else None
+
+    def looked_through(self, place: Place) -> list[View]:
+        """What a scanner has looked through at a place so far; empty for another tool."""
+        return self._views.get(place, [])
 
     def flange_to_end(self, place: Place) -> Floats:
         """T_flange_end (4, 4): the tool point, or the tip of the tool held there."""
@@ -96,6 +144,11 @@ class Reachability:
         found = self._kinematics[place.arm].solve(poses)
         if not found.valid.any():
             return self._why_too_far(place, poses)
+        solved: Truths = np.asarray(found.valid.any(axis=1))
+        seen = self.seen_at(place, solved)
+        if not seen.any():
+            return self._why_unseen(place, solved)
+        found = replace(found, valid=found.valid & seen[:, None])
         within = self._within_limits(place.arm, found)
         if not len(within):
             return self._why_limited(place, found)
@@ -130,27 +183,25 @@ class Reachability:
         return self._checkers[key]
 
     def meeting(self, place: Place) -> CollisionChecker:
-        """A checker of what touches by intention at a place, and of nothing else."""
+        """A checker of what touches by intention at a place, and of nothing else: of few pairs, whose depths are exact."""
         key = (place.arm, place.tool, place.touches)
         if key not in self._meetings:
             scene = scene_of_pairs(self._holding(place), self.intended(place))
-            self._meetings[key] = self._backend.checker(scene)
+            self._meetings[key] = self._backend.checker_of_few(scene)
         return self._meetings[key]
+
+    def shallow(self, place: Place) -> CollisionChecker:
+        """A checker that knows both: what may touch at a place must not do so deeper than the place says."""
+        checker = self.checker(place)
+        return Shallow(checker, self.meeting(place), place.depth_m) if place.touches else checker
 
     def collides(self, place: Place, whole: Floats) -> Truths:
         """Whether something touches that must not at a place, or is touched deeper than it may be, for configurations (n, k)."""
-        hits = self.checker(place).collides(whole)
-        if place.touches and not hits.all():
-            left = np.nonzero(~hits)[0]
-            hits[left] = -self.meeting(place).clearance(whole[left], 0.0) > place.depth_m
-        return hits
+        return self.shallow(place).collides(whole)
 
     def contacts(self, place: Place, whole: Floats) -> tuple[Contact, ...]:
         """What touches at a place and must not, or deeper than it may, in one configuration (k,): the deepest first."""
-        met = self.meeting(place).contacts(whole) if place.touches else ()
-        deep = [each for each in met if each.depth_m > place.depth_m]
-        found = (*self.checker(place).contacts(whole), *deep)
-        return tuple(sorted(found, key=lambda each: each.distance_m)) if deep else found
+        return self.shallow(place).contacts(whole)
 
     def _holding(self, place: Place) -> World:
         return self._world.held(place.tool, place.arm) if place.tool else self._world
@@ -162,6 +213,10 @@ class Reachability:
         links = [f"{place.arm}.{link.name}" for link in world.cell.arms[place.arm].arm.links[-2:]]
         ends = [*carried, *links]
         return frozenset(frozenset((end, other)) for end in ends for other in place.touches)
+
+    def _why_unseen(self, place: Place, asked: Truths) -> Unreached:
+        told = best(self._unseen_from(place, self._turned(place)[asked]))
+        return Unreached(told.reason, "move what is in the way, or allow other `tilts` or a smaller `patch`")
 
     def _why_too_far(self, place: Place, poses: Floats) -> Unreached:
         """Whether the position alone can be reached, in some orientation."""
@@ -178,13 +233,13 @@ class Reachability:
 
     def _why_blocked(self, place: Place, whole: Floats) -> Unreached:
         """What collides in the configurations (n, k) that are nearest to being free."""
-        clearance = self.checker(place).clearance(whole, 0.0)
-        if place.touches:
-            clearance = np.minimum(clearance, self.meeting(place).clearance(whole, 0.0) + place.depth_m)
+        clearance = self.shallow(place).clearance(whole, 0.0)
         told: dict[str, Contact] = {}
         for n in np.argsort(-clearance, kind="stable")[:NEAR_MISSES]:
             for contact in self.contacts(place, whole[n]):
-                told.setdefault(f"{contact.first} touches {contact.second}", contact)
+                ends = contact.first, contact.second
+                one, other = ends[::-1] if contact.first in place.touches else ends
+                told.setdefault(f"{one} touches {other}", contact)
         shown = [
             f"{said} by {contact.depth_m * 1000:.0f} mm" for said, contact in list(told.items())[:NEAR_MISSES]
         ]

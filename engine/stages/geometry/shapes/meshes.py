@@ -57,7 +57,12 @@ def read_mesh(path: Path) -> TriangleMesh:
 
 def _is_sound(vertices: Floats, triangles: Longs) -> bool:
     """Whether there are triangles, between vertices that are there, with coordinates that can be calculated with."""
-    if not len(triangles) or not len(vertices) or not (np.abs(vertices) <= LARGEST).all():
+    if (
+        not len(triangles)
+        or vertices.ndim != 2
+        or vertices.shape[1] != 3
+        or not (np.abs(vertices) <= LARGEST).all()
+    ):
         return False
     return bool(triangles.min() >= 0 and triangles.max() < len(vertices))
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Joints, Longs, Piece, Scene
+from engine.model.geometry import Floats, Joints, Longs, Piece, Scene, Truths
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.parts import cores
 from engine.stages.geometry.world.model import NO_JOINTS, Located, World
@@ -14,6 +14,7 @@ from kb.model.cell import JointKind
 from kb.model.shapes import PlacedShape
 
 Names = frozenset[frozenset[str]]
+ROWS = 256  # pieces whose pairs are looked at together
 
 
 def scene_of(world: World, leave_out: Collection[str] = (), allowed: Names = frozenset()) -> Scene:
@@ -22,8 +23,12 @@ def scene_of(world: World, leave_out: Collection[str] = (), allowed: Names = fro
     The `allowed` pairs may touch, too, beside those that the cell allows. Three kinds of pairs are not
     checked: those that move together, those that both stand still, and those that the arm or the cell allows.
     """
-    pieces = (*_link_pieces(world), *_body_pieces(world, leave_out), *_region_pieces(world, leave_out))
-    return _scene(world.joints, pieces, _allowed(world) | allowed)
+    return _scene(world.joints, pieces_of(world, leave_out), _allowed(world) | allowed)
+
+
+def pieces_of(world: World, leave_out: Collection[str] = ()) -> tuple[Piece, ...]:
+    """The pieces of everything in a world except the bodies `leave_out`."""
+    return (*_link_pieces(world), *_body_pieces(world, leave_out), *_region_pieces(world, leave_out))
 
 
 def scene_of_pairs(world: World, pairs: Names) -> Scene:
@@ -32,10 +37,7 @@ def scene_of_pairs(world: World, pairs: Names) -> Scene:
     bodies = _body_pieces(world, world.cell.bodies.keys() - named)
     regions = _region_pieces(world, world.cell.regions.keys() - named)
     links = (piece for piece in _link_pieces(world) if piece.body in named)
-    left = (*links, *bodies, *regions)
-    scene = _scene(world.joints, left, _allowed(world))
-    kept = [frozenset((left[i].body, left[j].body)) in pairs for i, j in scene.pairs.reshape(-1, 2)]
-    return replace(scene, pairs=np.ascontiguousarray(scene.pairs.reshape(-1, 2)[np.array(kept, dtype=bool)]))
+    return _scene(world.joints, (*links, *bodies, *regions), _allowed(world), wanted=pairs)
 
 
 def free_scene_of(
@@ -96,27 +98,40 @@ def _on_ride(piece: Piece, rides: bool, T_ride_world: Floats) -> Piece:
     return replace(piece, carrier=1, T_carrier_piece=matmul(T_ride_world, piece.T_carrier_piece))
 
 
-def _scene(joints: Joints, pieces: tuple[Piece, ...], allowed: Names, free: bool = False) -> Scene:
+def _scene(
+    joints: Joints, pieces: tuple[Piece, ...], allowed: Names, free: bool = False, wanted: Names | None = None
+) -> Scene:
     bodies = tuple(dict.fromkeys(piece.body for piece in pieces))
-    return Scene(joints, pieces, _pairs(pieces, allowed), free, bodies)
+    return Scene(joints, pieces, _pairs(pieces, allowed, wanted), free, bodies)
 
 
-def _pairs(pieces: tuple[Piece, ...], allowed: Names) -> Longs:
-    """All pairs of pieces on two carriers, in order, except for those of bodies that may touch."""
+def _pairs(pieces: tuple[Piece, ...], allowed: Names, wanted: Names | None = None) -> Longs:
+    """All pairs of pieces on two carriers, in order, except for those of bodies that may touch.
+
+    Where pairs of bodies are `wanted`, only their pieces count.
+    """
     names = {name: n for n, name in enumerate(dict.fromkeys(piece.body for piece in pieces))}
     body = np.array([names[piece.body] for piece in pieces], dtype=np.int64)
     carrier = np.array([piece.carrier for piece in pieces], dtype=np.int64)
-    may: dict[int, list[int]] = {}
-    for pair in (sorted(names[name] for name in pair) for pair in allowed if pair <= names.keys()):
-        may.setdefault(pair[0], []).append(pair[-1])
-        may.setdefault(pair[-1], []).append(pair[0])
-    pairs = [np.zeros((0, 2), dtype=np.int64)]
-    for i in range(len(pieces)):
-        free = carrier[i + 1 :] != carrier[i]
-        for other in may.get(int(body[i]), ()):
-            free &= body[i + 1 :] != other
-        pairs.append(np.stack([np.full(int(free.sum()), i), i + 1 + np.nonzero(free)[0]], axis=1))
-    return np.concatenate(pairs)
+    checked = ~_between(names, allowed)
+    if wanted is not None:
+        checked &= _between(names, wanted)
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    for first in range(0, len(pieces), ROWS):
+        rows = slice(first, first + ROWS)
+        met = np.triu(checked[body[rows]][:, body] & (carrier[rows, None] != carrier), first + 1)
+        found.append(np.argwhere(met) + np.array([first, 0]))
+    return np.concatenate(found)
+
+
+def _between(names: dict[str, int], pairs: Names) -> Truths:
+    """Whether two bodies are one of the pairs (n, n), by their numbers. A pair of one name is a body and itself."""
+    found = np.zeros((len(names), len(names)), dtype=bool)
+    for pair in pairs:
+        if pair <= names.keys():
+            ends = sorted(names[name] for name in pair)
+            found[ends[0], ends[-1]] = found[ends[-1], ends[0]] = True
+    return found
 
 
 def _allowed(world: World) -> Names:

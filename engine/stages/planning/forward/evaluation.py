@@ -11,6 +11,7 @@ from engine.model.axioms import Axioms, relaxed
 from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.forward.kernels import RelaxedPlans, Rows
 from engine.stages.planning.forward.repeating import Repeating
+from engine.stages.planning.forward.space import Space
 from kb.terms import Function
 
 DEAREST = 1 << 30  # the largest cost of an operator; higher costs are cut off
@@ -43,9 +44,8 @@ def rules(axioms: Axioms | None, size: int) -> list[GroundOperator]:
 class Evaluation:
     """Relaxed plans from any closed state to one conjunction of goals, over atoms below `size`.
 
-    Of a state, only the atoms in `seen` count: not the values of quantities, but what compares them.
-
-    With `unit` every operator costs 1, so that plans are short instead of cheap.
+    With `unit` every operator costs 1, so that plans are short instead of cheap. With `joint` an operator counts once, however
+    many of its conditional effects a relaxed plan uses: so a step that serves many at once costs no more than for one.
     """
 
     def __init__(
@@ -55,8 +55,10 @@ class Evaluation:
         size: int,
         *,
         unit: bool = False,
+        joint: bool = False,
         axioms: Axioms | None = None,
     ) -> None:
+        self._joint = joint
         self.operators, self._owners = effects(operators)
         self._plain = len(operators)
         free = rules(axioms, size)
@@ -68,10 +70,9 @@ class Evaluation:
             self.operators += self._repeating.operators
             self._owners += [each.operator for each in self._repeating.found]
             charges += self._repeating.charges
+        self._charges = charges
         self.operators += free
         self._owners += [NOBODY] * len(free)
-        self._width = (size + 7) // 8
-        self.seen = (1 << (axioms.size if axioms is not None and axioms.tests else size)) - 1
         needs = [tuple(indices(operator.preconditions)) for operator in self.operators]
         adds = [tuple(indices(operator.adds)) for operator in self.operators]
         users: list[list[int]] = [[] for _ in range(size)]
@@ -79,22 +80,40 @@ class Evaluation:
             for atom in needed:
                 users[atom].append(number)
         costs = [*charges, *(rule.cost for rule in free)]
-        self.size = size
+        self.size, self.space = size, Space(operators, size, axioms)
         self._plans = RelaxedPlans(costs, tuple(indices(goals)), Rows(needs), Rows(adds), Rows(users))
 
-    def __call__(self, state: Bits) -> tuple[int, list[int], list[int]]:
-        """The cost of a relaxed plan (-1 if there is none), the applicable and the preferred operators.
+    def __call__(self, state: bytes) -> tuple[int, list[int], list[int]]:
+        """The cost of a relaxed plan from a packed state (-1 if there is none), the applicable and the preferred operators.
 
         An applicable operator is preferred if the relaxed plan begins with it.
         """
         if self._repeating is not None:
-            self._plans.charge(self._first, self._repeating.costs(state))
-        estimate = self._plans.evaluate((state & self.seen).to_bytes(self._width, "little"))
+            self._plans.charge(
+                self._first, self._repeating.of, self._repeating.costs(self.space.values(state))
+            )
+        estimate = self._plans.evaluate(state)
+        if self._joint and estimate > 0:
+            estimate = self._once()
         found, helpful = self._plans.applicable, self._plans.preferred
         if len(self.operators) > self._plain:
             found = [number for number in found if number < self._plain]
             helpful = self._owned(helpful)
         return estimate, found, helpful
+
+    def _once(self) -> int:
+        """The cost of the last relaxed plan where each given operator counts once, as dear as it is used at most."""
+        dearest: dict[int, int] = {}
+        for number in self._plans.relaxed:
+            owner = self._owners[number]
+            if owner != NOBODY:
+                dearest[owner] = max(dearest.get(owner, 0), self._cost(number))
+        return sum(dearest.values())
+
+    def _cost(self, number: int) -> int:
+        if self._repeating is None or number < self._first:
+            return self._charges[number]
+        return self._repeating.cost(number - self._first)
 
     @property
     def relaxed(self) -> list[int]:

@@ -32,7 +32,7 @@ cdef class RelaxedPlans:
     cpdef long long evaluate(self, const unsigned char[::1] state)
 
     @cython.locals(index=int)
-    cpdef void charge(self, int first, const long long[::1] costs) noexcept
+    cpdef void charge(self, int first, const int[::1] of, const long long[::1] costs) noexcept
 
     @cython.locals(atom=int, operator=int)
     cdef void _begin(self, const unsigned char[::1] state) noexcept

@@ -115,10 +115,13 @@ class RelaxedPlans:
                 return -1
         return self._extract()
 
-    def charge(self, first: int, costs: Longs) -> None:
-        """Gives other costs to the operators from `first` on. With a cost of UNREACHED an operator cannot be taken."""
-        for index in range(len(costs)):
-            self.costs[first + index] = costs[index]
+    def charge(self, first: int, of: Ints, costs: Longs) -> None:
+        """Gives other costs to the operators from `first` on: to the next one `costs[of[0]]`, then `costs[of[1]]` and so on.
+
+        With a cost of UNREACHED an operator cannot be taken.
+        """
+        for index in range(len(of)):
+            self.costs[first + index] = costs[of[index]]
 
     @property
     def applicable(self) -> list[int]:

@@ -31,7 +31,6 @@ class Landmarks:
         for goal in indices(goals):
             self.all |= self._before[goal] or 0
         self.all &= ~hidden
-        self._width = (size + 7) // 8
         self._count = self._numbered(self._just_before())
         self.none = bytes((self.all.bit_count() + 7) // 8)
 
@@ -94,10 +93,10 @@ class Landmarks:
                 found[atom] = shared
                 touched[atom] = None
 
-    def accept(self, accepted: bytes, state: Bits) -> bytes:
-        """The accepted landmarks after one more state."""
-        return self._count.accept(accepted, state.to_bytes(self._width, "little"))
+    def accept(self, accepted: bytes, state: bytes) -> bytes:
+        """The accepted landmarks after one more packed state."""
+        return self._count.accept(accepted, state)
 
-    def left(self, accepted: bytes, state: Bits) -> int:
+    def left(self, accepted: bytes, state: bytes) -> int:
         """The number of landmarks that are still to be visited, or to be visited again."""
-        return self._count.left(accepted, state.to_bytes(self._width, "little"))
+        return self._count.left(accepted, state)

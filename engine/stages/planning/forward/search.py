@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 from engine.model.axioms import Axioms
 from engine.model.outcome import Offer
-from engine.model.task import Bits, GroundOperator, Task, after
+from engine.model.task import Bits, GroundOperator, Task
 from engine.stages.planning.composites import Pattern
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from engine.stages.planning.forward.dominance import fronts
 from engine.stages.planning.forward.evaluation import Evaluation
 from engine.stages.planning.forward.landmarks import Landmarks
 from engine.stages.planning.forward.suggestions import Suggestions
@@ -26,9 +27,9 @@ BOOST = 1000  # turns that preferred operators get whenever the estimate improve
 
 
 class Node(NamedTuple):
-    """A state that was reached, the landmarks accepted on the way, and the step that led to it."""
+    """A packed state that was reached, the landmarks accepted on the way, and the step that led to it."""
 
-    state: Bits
+    state: bytes
     accepted: bytes
     parent: int
     operator: int
@@ -55,7 +56,9 @@ class Forward:
     With `landmarks`, additional queues are ordered by the number of landmarks that are left; they take turns
     with the queues ordered by relaxed plans. Then every operator counts as one step, because short plans are
     easier to find than cheap ones, and improvement makes them cheaper later. If all steps of an instance of
-    `patterns` are in the relaxed plan of a state, the instance is used there as a preferred operator.
+    `patterns` are in the relaxed plan of a state, the instance is used there as a preferred operator. With `joint` a step
+    that serves many at once counts once in relaxed plans. Where a plan seems to cost `bound` or more, it is not followed; free
+    steps count 1 there.
     """
 
     def __init__(
@@ -67,13 +70,17 @@ class Forward:
         seed: int = 0,
         *,
         landmarks: bool = False,
+        joint: bool = False,
+        bound: int = UNKNOWN,
         patterns: Sequence[Pattern] = (),
         axioms: Axioms | None = None,
     ) -> None:
-        self.goals, self.initial, self._axioms = goals, initial, axioms
+        self._goals = goals
         self._suggestions = Suggestions(operators, patterns) if patterns else None
         self.operators = self._suggestions.operators if self._suggestions else operators
-        self.evaluate = Evaluation(operators, goals, size, unit=landmarks, axioms=axioms)
+        self.evaluate = Evaluation(operators, goals, size, unit=landmarks, joint=joint, axioms=axioms)
+        self._space = self.evaluate.space
+        self.initial = self._space.packed(initial)
         self._landmarks = self._found_landmarks(size) if landmarks else None
         self._counter = itertools.count()
         self._random = random.Random(seed) if seed else None
@@ -82,15 +89,16 @@ class Forward:
         ]  # by relaxed plans: all, preferred; by landmarks: all, preferred
         self._priorities = [0] * 4
         self._nodes: list[Node] = []
-        self._closed: set[Bits] = set()
+        self._fronts = fronts(operators, goals, axioms, self._space)
         self._best = [UNKNOWN, UNKNOWN]
+        self._bound, self._spent = bound, list[int]()  # what each node cost, if there is a bound
 
     def _found_landmarks(self, size: int) -> Landmarks:
         hidden = (1 << self.evaluate.size) - (1 << size)
         return Landmarks(
             self.evaluate.operators,
-            self.initial & self.evaluate.seen,
-            self.goals,
+            self._space.atoms(self.initial),
+            self._goals,
             self.evaluate.size,
             hidden,
         )
@@ -100,7 +108,11 @@ class Forward:
 
         The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
         """
-        if not self._nodes and self._expand(self.initial, -1, -1, effort):
+        if (
+            not self._nodes
+            and not self._fronts.met(self.initial)
+            and self._expand(self.initial, -1, -1, effort)
+        ):
             return SearchResult([])
         while not effort.spent():
             entry = self._next()
@@ -108,20 +120,19 @@ class Forward:
                 return NO_PLAN
             parent, operator = entry
             state, operator = self._reached(self._nodes[parent].state, operator)
-            if state not in self._closed and self._expand(state, parent, operator, effort):
+            if not self._fronts.met(state) and self._expand(state, parent, operator, effort):
                 return self._answer()
         return None
 
-    def _reached(self, state: Bits, number: int) -> tuple[Bits, int]:
+    def _reached(self, state: bytes, number: int) -> tuple[bytes, int]:
         """The state after a successor's operator, and its number. A repeated operator ends where it is not applicable."""
+        if self._suggestions is not None:
+            for part in self._suggestions.parts(number):
+                state, _ = self._space.after(state, part)
+            return state, number
         times, place = divmod(number, len(self.operators))
-        operator = self.operators[place]
-        state = after(self._axioms, state, operator)
-        for done in range(1, times):
-            if operator.preconditions & ~state:
-                return state, place + done * len(self.operators)
-            state = after(self._axioms, state, operator)
-        return state, number
+        state, done = self._space.after(state, place, max(times, 1))
+        return state, place + (done * len(self.operators) if times else 0)
 
     def _next(self) -> tuple[int, int] | None:
         """The next successor to make, as (node, operator). None if all queues are empty."""
@@ -138,27 +149,22 @@ class Forward:
             heapq.heappop(self._queues[number])
         return batch.node, operator
 
-    def _expand(self, state: Bits, parent: int, operator: int, effort: Effort) -> bool:
+    def _expand(self, state: bytes, parent: int, operator: int, effort: Effort) -> bool:
         """Evaluates a state and queues its successors. Returns whether the state satisfies the goals."""
-        self._closed.add(state)
         here = len(self._nodes)
         accepted = b""
         if self._landmarks:
             before = self._nodes[parent].accepted if parent >= 0 else self._landmarks.none
-            accepted = self._landmarks.accept(before, state & self.evaluate.seen)
+            accepted = self._landmarks.accept(before, state)
         self._nodes.append(Node(state, accepted, parent, operator))
-        if self.goals & ~state == 0:
+        if self._goals & ~self._space.atoms(state) == 0:
             return True
         effort.expanded += 1
         estimate, applicable, preferred = self._evaluated(state)
-        if estimate < 0:
+        if (self._bound < UNKNOWN and self._dear(parent, operator, estimate)) or estimate < 0:
             return False
         effort.generated += len(applicable)
-        keys = (
-            [estimate, self._landmarks.left(accepted, state & self.evaluate.seen)]
-            if self._landmarks
-            else [estimate]
-        )
+        keys = [estimate, self._landmarks.left(accepted, state)] if self._landmarks else [estimate]
         if any(key < best for key, best in zip(keys, self._best, strict=False)):
             self._best = [min(pair) for pair in zip(keys, self._best, strict=False)]
             self._priorities[1] -= BOOST
@@ -169,7 +175,16 @@ class Forward:
                     heapq.heappush(self._queues[number], Batch(key, self._tie(), here, operators[::-1]))
         return False
 
-    def _evaluated(self, state: Bits) -> tuple[int, list[int], list[int]]:
+    def _dear(self, parent: int, operator: int, estimate: int) -> bool:
+        """Whether the way to the last node and on from there seems to reach the bound."""
+        spent = 0
+        if parent >= 0:
+            times, place = divmod(operator, len(self.operators))
+            spent = self._spent[parent] + max(times, 1) * max(self.operators[place].cost, 1)
+        self._spent.append(spent)
+        return spent + estimate >= self._bound
+
+    def _evaluated(self, state: bytes) -> tuple[int, list[int], list[int]]:
         """A state's estimate, its applicable operators and its preferred ones.
 
         Suggested composites are in both lists.
@@ -179,7 +194,7 @@ class Forward:
             preferred = [*(place + times * len(self.operators) for place, times in jumps), *preferred]
         if self._suggestions is None or estimate < 0:
             return estimate, applicable, preferred
-        composites = self._suggestions.suggested(state, preferred, self.evaluate.relaxed)
+        composites = self._suggestions.suggested(self._space.atoms(state), preferred, self.evaluate.relaxed)
         return estimate, composites + applicable, composites + preferred
 
     def _tie(self) -> int:
@@ -190,35 +205,45 @@ class Forward:
         """The operators that led to the last state. Composites are replaced by their parts."""
         path, node = [], self._nodes[-1]
         while node.parent >= 0:
-            times, place = divmod(node.operator, len(self.operators))
-            path += [place] * max(times, 1)
+            path.append(node.operator)
             node = self._nodes[node.parent]
         path.reverse()
         if self._suggestions is None:
-            return SearchResult(
-                [self.operators[each] for each in path if self.operators[each].instance != _MEETS]
-            )
+            return planned(self.operators, path)
         steps = [step for each in path for step in self._suggestions.unfolded(each)]
         used = [pattern for each in path if (pattern := self._suggestions.pattern(each)) is not None]
         offer = Offer("forward", tuple(self._suggestions.patterns), tuple(dict.fromkeys(used)))
         return SearchResult([step for step in steps if step.instance != _MEETS], offer)
 
 
-def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequence[Pattern] = ()) -> Forward:
-    """The search for a task.
+def planned(operators: Sequence[GroundOperator], path: Sequence[int]) -> SearchResult:
+    """The plan of successors on the way to the goal: numbers of operators, with that of all operators for each time they are done."""
+    pairs = [divmod(number, len(operators)) for number in path]
+    steps = [operators[place] for times, place in pairs for _ in range(max(times, 1))]
+    return SearchResult([step for step in steps if step.instance != _MEETS])
+
+
+def with_one_goal(task: Task) -> tuple[Sequence[GroundOperator], Bits, int]:
+    """Operators, the only goal, and the number of atoms.
 
     If the goals have several alternatives, a new atom becomes the goal. For each alternative there is an
     internal operator that adds this atom.
     """
-    size, operators, goals = len(task.atoms), task.operators, task.goals
-    if len(goals) != 1:
-        task.reserve(size)
-        meet = (GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in goals)
-        operators, goals, size = (*operators, *meet), (1 << size,), size + 1
+    size = len(task.atoms)
+    if len(task.goals) == 1:
+        return task.operators, task.goals[0], size
+    task.reserve(size)
+    meet = (GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in task.goals)
+    return (*task.operators, *meet), 1 << size, size + 1
+
+
+def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequence[Pattern] = ()) -> Forward:
+    """The search for a task."""
+    operators, goal, size = with_one_goal(task)
     return Forward(
         operators,
         task.initial,
-        goals[0],
+        goal,
         size,
         seed,
         landmarks=landmarks,

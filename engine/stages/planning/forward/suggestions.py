@@ -35,11 +35,13 @@ class Suggestions:
                 found.append(number)
         return sorted(dict.fromkeys(found), key=lambda number: -len(self._source(number)[1]))
 
+    def parts(self, number: int) -> Sequence[int]:
+        """The numbers of the plain operators that a number stands for."""
+        return (number,) if number < len(self._plain) else self._source(number)[1]
+
     def unfolded(self, number: int) -> list[GroundOperator]:
         """The operators that a number stands for."""
-        if number < len(self._plain):
-            return [self._plain[number]]
-        return [self._plain[part] for part in self._source(number)[1]]
+        return [self._plain[part] for part in self.parts(number)]
 
     def pattern(self, number: int) -> Pattern | None:
         """The pattern that a composite is an instance of; None for an ordinary operator."""

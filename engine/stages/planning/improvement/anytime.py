@@ -4,13 +4,15 @@ from collections.abc import Iterator, Sequence
 
 from engine.model.replay import early
 from engine.model.task import GroundOperator, Task
-from engine.stages.planning.effort import Effort
+from engine.stages.planning.effort import Effort, OutOfRange
 from engine.stages.planning.elimination import eliminate, reached
+from engine.stages.planning.improvement.batches import fewer
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.planning.improvement.exact import optimum
 from engine.stages.planning.improvement.rounds import Improvement, Steps, cost
 from engine.stages.planning.limits import Limits
-from engine.stages.planning.portfolio import CLIMB, STRATEGIES, Setting
+from engine.stages.planning.portfolio import CLIMB, STRATEGIES
+from engine.stages.planning.setting import Setting
 from engine.stages.planning.variants import TooManyVariants, plainly
 from kb.model.plan import Plan
 
@@ -51,7 +53,12 @@ def _better(
     if least is not None:
         yield least, True
         return
-    for better in _cheaper(setting, best, limits, effort):
+    cheaper = (
+        _cheaper(setting, best, limits, effort)
+        if setting.regression is not None
+        else _batched(setting, steps, limits)
+    )
+    for better in cheaper:
         if cost(better) < cost(best):
             best = better
             yield best, False
@@ -76,6 +83,24 @@ def _cheaper(setting: Setting, best: Steps, limits: Limits, effort: Effort) -> I
         yield from Improvement(setting.task, setting.regression, reached(setting.task, best)).wide(
             best, effort
         )
+
+
+def _batched(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> Iterator[Steps]:
+    """Plans with fewer batches, for tasks that only forward searches can plan: from a plan, and if there is time from those of
+    other strategies, and from the cheapest of all by ever longer searches."""
+    task, found = setting.task, list[Steps]()
+    for better in fewer(task, steps, limits.batching()):
+        found.append(better)
+        yield plainly(task, better)
+    if limits.thorough:
+        for name, most in OTHERS:
+            other = _other(setting, name, most, limits.improving())
+            for better in fewer(task, other, limits.batching()) if other is not None else ():
+                found.append(better)
+                yield plainly(task, better)
+        best = min(found, key=cost, default=list(steps))
+        for better in fewer(task, best, limits.improving(), growing=True):
+            yield plainly(task, better)
 
 
 def _needed(setting: Setting, steps: Sequence[GroundOperator]) -> Steps:
@@ -124,7 +149,7 @@ def _other(setting: Setting, name: str, most: int, effort: Effort) -> Sequence[G
     """The steps that another strategy finds within `most` expansions; None if it finds none."""
     try:
         answer = None if effort.over() else STRATEGIES[name](setting, Effort(most, effort.interrupted))
-    except TooManyVariants:
+    except (TooManyVariants, OutOfRange):
         return None
     return answer.steps if answer else None
 

@@ -32,7 +32,9 @@ cdef class Cheapest:
     @cython.locals(slot="long long", same=int, state=int, word=int)
     cdef int _meet(self, int cost, int parent, int by) noexcept
 
-    @cython.locals(hashed="unsigned long long", slot="long long", state=int, word=int)
+    @cython.locals(
+        hashed="unsigned long long", odd="unsigned long long", bits="unsigned long long", slot="long long", state=int, word=int
+    )
     cdef long long _slot(self) noexcept
 
     @cython.locals(other=int)

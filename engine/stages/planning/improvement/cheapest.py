@@ -160,9 +160,9 @@ class Cheapest:
 
     def _slot(self) -> int:
         """Where the fresh state is in the table, or belongs."""
-        hashed = 0
+        hashed, odd, bits = 0, 0x9E3779B97F4A7C15, 0xFFFFFFFFFFFFFFFF  # as locals they are numbers of C
         for word in range(self.words):
-            hashed = (hashed ^ self.fresh[word]) * 0x9E3779B97F4A7C15 & 0xFFFFFFFFFFFFFFFF
+            hashed = (hashed ^ self.fresh[word]) * odd & bits
             hashed ^= hashed >> 29
         slot = hashed & (self.size - 1)
         while self.table[slot] >= 0:

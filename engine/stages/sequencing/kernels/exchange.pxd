@@ -10,7 +10,8 @@ cdef class Ring:
     cdef Distances distances
     cdef bint noting
     cdef int[::1] tour, position, queue, waiting
-    cdef int[:, ::1] journal
+    cdef int[:, ::1] journal, beside
+    cdef long long[:, ::1] ways
     cdef const int[::1] mate
     cdef const int[:, ::1] near
     cdef const long long[:, ::1] toll
@@ -19,6 +20,10 @@ cdef class Ring:
     cdef void _begin(self) noexcept
 
     cdef long long edge(self, int a, int b) noexcept
+
+    cdef long long link(self, int a, int b) noexcept
+
+    cdef long long _closed(self, long long gain, long long best, int last, int first) noexcept
 
     cdef bint fixed(self, int a, int b) noexcept
 

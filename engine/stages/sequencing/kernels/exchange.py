@@ -36,6 +36,10 @@ class Ring:
         self.journal, self.noting = whole(np.zeros((JOURNAL, 2), np.int32)), True
         self.rows, self.written, self.head, self.size = len(self.journal), 0, 0, 0
         self.kind = self.t2 = self.t3 = self.t4 = self.t5 = self.t6 = 0
+        self.beside, self.ways = (
+            whole(np.full((self.n, 2), -1, np.int32)),
+            whole(np.zeros((self.n, 2), np.int64)),
+        )
         self._begin()
 
     def _begin(self) -> None:
@@ -46,6 +50,16 @@ class Ring:
     def edge(self, a: int, b: int) -> int:
         """The cost from one city to another."""
         return self.distances.between(a, b)
+
+    def link(self, a: int, b: int) -> int:
+        """The cost from a city to one that was lately beside it in the tour: the last two are kept for each city."""
+        if self.beside[a, 0] == b:
+            return self.ways[a, 0]
+        if self.beside[a, 1] == b:
+            return self.ways[a, 1]
+        self.beside[a, 1], self.ways[a, 1] = self.beside[a, 0], self.ways[a, 0]
+        self.beside[a, 0], self.ways[a, 0] = b, self.distances.between(a, b)
+        return self.ways[a, 0]
 
     def fixed(self, a: int, b: int) -> bool:
         """Whether the edge between two neighbours must stay."""
@@ -150,7 +164,7 @@ class Ring:
         beyond = self._step(forward, t2)
         if self.fixed(t1, t2):
             return 0
-        best, removed = 0, self.edge(t1, t2)
+        best, removed = 0, self.link(t1, t2)
         for rank in range(self.count):
             t3 = self.near[t2, rank]
             left = removed - self.toll[t2, rank]
@@ -160,16 +174,20 @@ class Ring:
                 continue
             t4 = self._step(not forward, t3)
             if not self.fixed(t3, t4):
-                gain = left + self.edge(t3, t4)
-                closed = gain - self.edge(t4, t1)
+                gain = left + self.link(t3, t4)
+                closed = self._closed(gain, best, t4, t1)
                 if closed > best:
                     best = closed
                     self._keep(TWO, t2, t3, t4, 0, 0)
                 best = self._second_turn(forward, gain, best, t1, t2, t3, t4)
             t4 = self._step(forward, t3)
             if not self.fixed(t3, t4):
-                best = self._opened_cycle(forward, left + self.edge(t3, t4), best, t1, t2, t3, t4)
+                best = self._opened_cycle(forward, left + self.link(t3, t4), best, t1, t2, t3, t4)
         return best
+
+    def _closed(self, gain: int, best: int, last: int, first: int) -> int:
+        """What is left of a gain when the tour is closed; no edge is looked at where nothing better can come of it."""
+        return gain - self.edge(last, first) if gain > best else gain
 
     def _keep(self, kind: int, t2: int, t3: int, t4: int, t5: int, t6: int) -> None:
         """Note the best exchange so far."""
@@ -188,7 +206,7 @@ class Ring:
             t6 = self._step(forward == self._within(forward, t2, t5, t4), t5)
             if self.fixed(t5, t6):
                 continue
-            closed = left + self.edge(t5, t6) - self.edge(t6, t1)
+            closed = self._closed(left + self.link(t5, t6), best, t6, t1)
             if closed > best:
                 best = closed
                 self._keep(TWO_TWICE, t2, t3, t4, t5, t6)
@@ -207,7 +225,7 @@ class Ring:
                 t6 = self._step(forward == (side == 0), t5)
                 if (side == 1 and t5 == t2) or self.fixed(t5, t6):
                     continue
-                closed = left + self.edge(t5, t6) - self.edge(t6, t1)
+                closed = self._closed(left + self.link(t5, t6), best, t6, t1)
                 if closed > best:
                     best = closed
                     self._keep(TURNED if side else SWAPPED, t2, t3, t4, t5, t6)

@@ -4,11 +4,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from kb.store.journal import Journal
 
 RUN = [sys.executable, "-m", "engine.faces.cli", "run", "themse/one", "--name", "unread"]
 
 
+@pytest.mark.slow
 def test_a_run_whose_events_nobody_reads_any_more_goes_on_and_says_so_once(tmp_path: Path) -> None:
     store = str(tmp_path / "runs.db")
     line = [

@@ -146,6 +146,7 @@ def test_the_installed_script_answers_beside_packages_with_our_names(verb: str, 
     assert run(crowded, script("cellwright"), *JOBS[verb].split()).returncode == 0
 
 
+@pytest.mark.slow
 def test_a_folder_of_domains_hides_no_bundled_one_even_where_python_looks_in_it_first(tmp_path: Path) -> None:
     _shadow(tmp_path, "domains")
     ran = run(tmp_path, sys.executable, "-m", "engine.faces.cli", "export", "pddl", "bulkhead/one_point")

@@ -10,22 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.limits_work import DOMAIN, PROBLEM
+
 ENDLESS = {
-    "domain.yaml": """
-domain: endless
-include: [rules.lp]
-types: {item: object}
-objects: {item: [bolt]}
-statics:
-  n(int): {}
-fluents:
-  done(item): {}
-operators:
-  act(Item):
-    adds: done(Item)
-""",
+    "domain.yaml": DOMAIN,
     "rules.lp": "n(1..30000*30000).\n",
-    "problem.yaml": "problem: p\ndomain: domain.yaml\ngoals: [done(bolt)]\n",
+    "problem.yaml": PROBLEM,
 }
 COMMAND = [sys.executable, "-m", "engine.faces.cli"]
 
@@ -70,6 +60,7 @@ def test_a_preparation_whose_time_is_over_tells_of_every_problem(tmp_path: Path)
     assert len(told) == 8
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_command_that_grounds(cell: Path) -> None:
     running = subprocess.Popen(
         [*COMMAND, "check", str(cell / "problem.yaml")],

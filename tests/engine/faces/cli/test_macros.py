@@ -132,6 +132,7 @@ def test_an_edited_domain_makes_exactly_its_macrops_stale(store: str, tmp_path: 
     assert source("bulkhead/one_point", "--store", store)[0] == "library"
 
 
+@pytest.mark.slow
 def test_what_was_prepared_is_looked_up(store: str, tmp_path: Path) -> None:
     create(tmp_path / "mine")
     origins = [

@@ -83,6 +83,7 @@ def test_steps_that_no_plan_has_are_refused_at_once(tmp_path: Path, done: str, s
     assert said in refused("revise", str(file), "--done", done)
 
 
+@pytest.mark.slow
 def test_more_memory_than_there_can_be_is_no_limit() -> None:
     assert run("plan", "bulkhead/one_point", "--memory-limit", "9" * 30).returncode == 0
 
@@ -147,6 +148,7 @@ def test_a_signal_ends_the_search_with_the_best_plan_so_far(
     assert (process.returncode, json.loads(told)["status"]) == (130, "found")
 
 
+@pytest.mark.slow
 def test_strategies_do_not_outlive_the_race() -> None:
     """The strategies hold standard error open; its end comes when the last of them is gone."""
     with _started("plan", "themse/four", "--anytime", "--race", "--time-limit", "60") as process:
@@ -224,7 +226,7 @@ def test_a_file_nested_without_end_is_bad_input(tmp_path: Path, verb: tuple[str,
     file = tmp_path / "deep.json"
     file.write_text("[" * 100_000)
     arguments = (str(file) if word == "FILE" else word for word in verb)
-    assert "recursion" in refused(*arguments, "--store", str(tmp_path / "store.db"))
+    assert "nested too deeply" in refused(*arguments, "--store", str(tmp_path / "store.db"))
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def test_a_saved_set_is_replayed_with_the_same_answers_and_a_changed_one_is_told
     assert "1 of 2 as saved" in changed.stdout
 
 
-@pytest.mark.parametrize("text", ["[]", "{", '{"problems": [{"from": "home"}]}'])
+@pytest.mark.parametrize("text", ["[]", "{", '{"problems": []}', '{"problems": [{"from": "home"}]}'])
 def test_what_is_no_set_of_problems_is_refused(tmp_path: Path, text: str) -> None:
     file = tmp_path / "set.json"
     file.write_text(text, encoding="utf-8")

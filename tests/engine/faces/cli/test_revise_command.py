@@ -70,6 +70,7 @@ def said_plan(tmp_path: Path) -> str:
     return str(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", ["slot(freezer, 1)", "freezer", "slot(freezer,1), lid"])
 def test_a_place_can_be_lost_by_its_term(said_plan: str, lost: str) -> None:
     result = run(app, ["revise", said_plan, "--lost", lost])
@@ -79,6 +80,7 @@ def test_a_place_can_be_lost_by_its_term(said_plan: str, lost: str) -> None:
         assert run(app, ["revise", said_plan, "--lost", wrong]).exit_code == 2
 
 
+@pytest.mark.slow
 def test_a_plan_of_a_sentence_is_diagnosed_beside_its_domain(said_plan: str) -> None:
     case = ["--exception", "grip_failed", "--step", "pick(lid, rim)", "--hidden", "gripper_worn"]
     result = run(

@@ -23,6 +23,7 @@ def test_a_plain_plan_loads_nothing_of_other_commands(tmp_path: Path, strategy: 
     assert loaded & {*HEAVY, "lark", "pydantic", "yaml"} == set()
 
 
+@pytest.mark.slow
 def test_a_plan_for_a_problem_of_our_own_loads_no_store_and_no_kernels_of_geometry() -> None:
     assert loaded_by("plan", "bulkhead/one_point") & set(HEAVY) == set()
 

@@ -131,6 +131,7 @@ def test_what_a_part_brings() -> None:
     assert "templates removes: covered: the cover is over the bays" in result.stdout
 
 
+@pytest.mark.slow
 def test_the_generated_domain_is_written_and_planned(tmp_path: Path) -> None:
     result = run("themse", "--output", str(tmp_path / "cell"))
     assert result.exit_code == 0

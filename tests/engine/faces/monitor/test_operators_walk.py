@@ -26,9 +26,9 @@ def rows(page: Any, view: str) -> list[str]:
 def test_an_operators_walk(
     open_page: Callable[[str], Any], serve: Serve, tmp_path: Path, golden: Golden
 ) -> None:
-    """Start THEMSE with four probes; a lid jams; answer; recover; look at the results; replay."""
+    """Start THEMSE with four probes; the drawer jams; answer; recover; look at the results; replay."""
     page = open_page(serve(tmp_path / "runs.db", tmp_path))
-    started(page, target="themse/four", name="walk", factor="0.005", fault="3=lid_jammed")
+    started(page, target="themse/four", name="walk", factor="0.005", fault="1=drawer_blocked")
     told = list[str]()
     banner = at(page, "asks", has_text="clear the rails")
     banner.wait_for()

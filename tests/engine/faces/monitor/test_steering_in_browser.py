@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from engine.faces.monitor.following import Follower, record_of
+from engine.formats.interop.qif.points import inspection_of
 from engine.model.execution import RecordKind
 from kb.store.journal import Journal, Line
 from tests.engine.faces.monitor.conftest import Serve, approved, at, begun, started
@@ -132,6 +133,11 @@ def test_a_point_that_is_picked_lands_in_the_problem_file(open_page: Open, site:
     found = re.search(r"position\(p1, (-?\d+), (-?\d+), (-?\d+)\)", (folder / "job.yaml").read_text())
     assert found is not None
     assert [int(each) / 1000 for each in found.groups()] == pytest.approx(shown, abs=0.1)
+    with page.expect_download() as saved:
+        at(page, "qif").click()
+    (point,) = inspection_of(Path(saved.value.path())).points
+    assert [1000 * each for each in point.position] == pytest.approx(shown, abs=0.1)
+    assert saved.value.suggested_filename == "job.qif"
     at(page, "undo").click()
     page.locator(".q-notification", has_text="undone").wait_for()
     assert "p1" not in (folder / "job.yaml").read_text()

@@ -162,6 +162,7 @@ def test_a_deep_order_is_written_without_deep_nesting() -> None:
     assert workers.run(Tree(written(WORK, plan), workers)) is Status.SUCCESS
 
 
+@pytest.mark.slow
 def test_export_prints_the_tree_or_writes_it(tmp_path: Path) -> None:
     plan, tree = tmp_path / "plan.json", tmp_path / "tree.xml"
     made = CliRunner().invoke(app, ["plan", "themse/two", "--format", "json"])

@@ -11,6 +11,7 @@ from engine.formats.interop.editing import added, removed
 from engine.formats.interop.inspections import rewrite
 from engine.formats.interop.lists import listed
 from engine.model.measurement import MeasurementPoint
+from engine.model.measurements import measurements_of
 from kb.diagnostics import InvalidInput
 from kb.loader import load, load_domain, load_problem
 from kb.model.conventions import Conventions
@@ -52,7 +53,7 @@ SECTIONS = [
 def change(folder: Path, text: str, how: str, what: MeasurementPoint | str) -> str:
     file = folder / "p.yaml"
     file.write_text(text, "utf-8")
-    rewrite(file, how, what)
+    rewrite(file, how, [what])
     return file.read_text("utf-8")
 
 
@@ -94,7 +95,7 @@ def test_what_is_added_and_removed_again_leaves_the_same_problem(
     assert first is not None
     change(tmp_path, before, "added", NEW)
     assert measurements(tmp_path) == {"m1", "m2", "m3", "m4"}
-    rewrite(tmp_path / "p.yaml", "removed", "m4")
+    rewrite(tmp_path / "p.yaml", "removed", ["m4"])
     last = load(tmp_path / "p.yaml").problem
     assert last is not None
     assert (last.objects, last.statics, last.initial, last.goal) == (
@@ -112,9 +113,24 @@ def test_bundled_problems_can_be_changed(tmp_path: Path, file: Path) -> None:
     shutil.copy(file, tmp_path / "p.yaml")
     before = load_problem(f"bulkhead/{file.stem}")
     gone = "m3" if "m3" in before.objects else "c2"
-    rewrite(tmp_path / "p.yaml", "removed", gone)
-    rewrite(tmp_path / "p.yaml", "added", MeasurementPoint("m90", "m90", "profile", (0, 0, 0), (0, 0, 1)))
+    rewrite(tmp_path / "p.yaml", "removed", [gone])
+    rewrite(tmp_path / "p.yaml", "added", [MeasurementPoint("m90", "m90", "profile", (0, 0, 0), (0, 0, 1))])
     assert measurements(tmp_path) == {*before.objects} - {gone} | {"m90"}
+
+
+def test_several_are_changed_together_or_not_at_all(tmp_path: Path) -> None:
+    file, before = tmp_path / "p.yaml", HEAD + OBJECTS[0] + SECTIONS[0]
+    file.write_text(before, "utf-8")
+    for measurements, wrong in ((["m1", "m2", "m1"], "m1"), (["m3", "m9"], "m9")):
+        with pytest.raises(InvalidInput, match=wrong):
+            rewrite(file, "removed", measurements)
+    with pytest.raises(InvalidInput, match="already has"):
+        rewrite(file, "added", [NEW, NEW])
+    assert file.read_text("utf-8") == before
+    rewrite(file, "removed", ["m1", "m3"])
+    problem = load(file).problem
+    assert problem is not None
+    assert measurements_of(problem) == ["m2"]
 
 
 def test_without_lists_they_are_made(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from hypothesis import HealthCheck, event, given, settings
@@ -27,25 +28,22 @@ from kb.terms import ANYTHING, Function
 from tests.engine.formats.interop.test_pddl import task
 from tests.places import DOMAINS as TESTED
 from tests.properties.problems import CONSTANTS, PREDICATES, TYPES, X, Y, problems, shortest
+from tests.properties.test_quantities import cases, loaded
 
 BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find(name))]
 PANTRY = Path(__file__).parent / "pantry"
-SMALL = {"one_point", "tool_missing", "one"}  # of each bundled cell
-LONG = {"never", *(file.stem for file in BUNDLED if file.stem not in SMALL)}
+SMALL = {"one_point", "tool_missing", "one"}  # of the cells without quantities
+LONG = {"never", "eight", *(file.stem for file in BUNDLED if file.stem not in SMALL)}
 FIRST = Limits(room=None, restarts=0, improvement=0)  # any plan will do
-QUANTIFIED = {"centrifuge"}  # domains whose numbers our export does not write
 TARGETS = [
     pytest.param(file, marks=[pytest.mark.slow] if file.stem in LONG else [])
-    for file in (*BUNDLED, *sorted(TESTED.glob("*/problems/*.yaml")), *sorted(PANTRY.glob("problems/*.yaml")))
-    if file.parents[1].name not in QUANTIFIED
+    for file in (
+        *BUNDLED,
+        *problem_files(find("centrifuge")),
+        *sorted(TESTED.glob("*/problems/*.yaml")),
+        *sorted(PANTRY.glob("problems/*.yaml")),
+    )
 ]
-
-
-def test_a_quantity_is_not_written_as_pddl() -> None:
-    problem = planning.problem_of(str(TESTED / "centrifuge" / "problems" / "eight.yaml"))
-    with pytest.raises(InvalidInput) as caught:
-        export(problem, ground(problem))
-    assert [each.code for each in caught.value.diagnostics] == ["K802"]
 
 
 def reread(text: PddlText, folder: Path) -> PddlProblem:
@@ -236,3 +234,20 @@ def test_what_is_no_action_of_the_export_is_pointed_at() -> None:
     assert "arguments, not 1" in said[1]
     assert "sas_plan:3:2" in said[2]
     assert "unknown object 'm9'" in said[2]
+
+
+@given(cases())
+@settings(max_examples=5, deadline=None)
+def test_quantities_are_written_as_numeric_fluents(case: tuple[str, str]) -> None:
+    """Random jugs: the export has a plan if the problem has one, and plans of each are plans of the other."""
+    with TemporaryDirectory() as folder:
+        problem = loaded(*case, folder)
+        text = export(problem, ground(problem))
+        read = reread(text, Path(folder))
+        own, theirs = planning.plan(problem, FIRST), planning.plan(read.problem, FIRST)
+        assert type(own) is type(theirs)
+        if isinstance(own, Found) and isinstance(theirs, Found):
+            imported = import_plan(text, write_pddl_plan(read, theirs.plan))
+            assert planning.check_plan(problem, imported) == []
+            (Path(folder) / "plan").write_text(text.plans.written(own.plan))
+            assert planning.check_plan(read.problem, read_plan(read, Path(folder) / "plan")) == []

@@ -106,6 +106,15 @@ def test_a_metric_that_is_no_sum_of_fixed_costs_is_not_followed_and_that_is_told
         "the metric is not followed: energy rises by amounts that change"
     ]
     assert {operator.cost for operator in task.problem.domain.operators} == {None}
+    task = read(tmp_path, problem=PROBLEM.replace("minimize", "maximize"))
+    assert "as large as possible" in task.warnings[0].message
+
+
+def test_a_function_without_arguments_may_stand_without_parentheses(tmp_path: Path) -> None:
+    bare = DOMAIN.replace("(>= (level ?t) 0.75)", "(and (>= (level ?t) 0.75) (<= wear 2))")
+    task = read(tmp_path, bare)
+    assert set(task.problem.domain.quantities) == {"level", "wear"}
+    assert isinstance(planning.plan(task.problem, Limits()), Found)
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.interop.qif import inspection_of, read_features
 from engine.formats.interop.qif.counts import INCH, curve_points, section_points, surface_points
+from engine.formats.interop.qif.features import read_features
+from engine.formats.interop.qif.points import inspection_of
 from engine.model.measurement import Feature
 from kb.diagnostics import InvalidInput
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from engine.formats.interop.inspections import import_file
-from engine.formats.interop.qif import inspection_of
+from engine.formats.interop.qif.points import inspection_of
 from engine.model.tour import Tour
 from engine.pipelines.inspection import partition, tour_problem
 from engine.stages.sequencing import Limits, sequence

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.formats.interop.qif import inspection_of
+from engine.formats.interop.qif.points import inspection_of
 from engine.model.measurement import Inspection
 from tests.engine.formats.interop.parts import (
     Document,

@@ -100,3 +100,22 @@ def test_qif_is_valid_against_its_schema(results: Results, tmp_path: Path) -> No
 def test_another_text_is_refused(form: ResultForm, text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         read(text, form)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("value", "NaN"),
+        ("value", "1e400"),
+        ("value", "1" + "0" * 400),
+        ("value", '"1"'),
+        ("value", "true"),
+        ("upper", "-Infinity"),
+        ("unit", "7"),
+        ("at_ms", "0.5"),
+    ],
+)
+def test_a_json_text_with_a_value_of_another_kind_is_no_results(key: str, value: str) -> None:
+    text = f'{{"version": 1, "run": "r", "started": "", "measured": [{{"of": "m", "quantity": "q", "{key}": {value}}}], "history": []}}'
+    with pytest.raises(ValueError, match=f"`{key}` cannot be|not results"):
+        read(text, ResultForm.JSON)

@@ -4,7 +4,7 @@ import io
 
 from rich.console import Console
 
-from engine.formats.report.live import Display
+from engine.formats.report.live import Display, shared
 from engine.formats.report.narration import narrated
 from engine.model.execution import Record, RecordKind
 
@@ -33,12 +33,12 @@ FAILED = [
 ]  # fmt: skip
 
 
-def shown(records: list[Record], width: int = 80, passed_ms: float = 0.0) -> str:
+def shown(records: list[Record], width: int = 80, passed_ms: float = 0.0, height: int = 60) -> str:
     display = Display("monday-1", passed_ms=lambda: passed_ms)
     for record in records:
         display.take(record)
     out = io.StringIO()
-    Console(file=out, width=width, color_system=None).print(display)
+    Console(file=out, width=width, height=height, color_system=None).print(display)
     return out.getvalue()
 
 
@@ -74,6 +74,27 @@ def test_a_step_that_failed_is_seen_in_the_chart_and_its_cause_in_the_log() -> N
 def test_the_display_fits_any_terminal() -> None:
     for width in (30, 50, 200):
         assert all(len(line) <= width for line in shown(RECORDS + FAILED, width).splitlines())
+
+
+def test_a_low_terminal_keeps_the_keys_the_steps_and_the_end_of_the_log() -> None:
+    for height in (18, 20, 24):
+        lines = shown(RECORDS + FAILED, 80, height=height).splitlines()
+        assert len(lines) < height
+        assert "s stop" in lines[-1]
+        assert "all goals are reached" in lines[-2]
+
+
+def test_pausing_twice_goes_on_also_before_the_run_has_heard_it() -> None:
+    display = Display("monday-1")
+    assert [display.toggled(), display.toggled(), display.toggled()] == ["interrupt", "continue", "interrupt"]
+    display.take(Record(1, 0, RecordKind.PHASE, {"phase": "paused", "why": ""}))
+    assert display.toggled() == "continue"
+
+
+def test_lines_are_shared_in_turn() -> None:
+    assert shared(5, (8, 1, 6)) == [2, 1, 2]
+    assert shared(99, (8, 1, 6)) == [8, 1, 6]
+    assert shared(-1, (8, 1, 6)) == [0, 0, 0]
 
 
 def test_every_line_that_is_told_is_short_and_plain() -> None:

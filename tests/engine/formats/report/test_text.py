@@ -59,6 +59,7 @@ def test_a_plan_is_a_table_of_steps_with_what_they_are_for() -> None:
     assert printed("bulkhead/one_point", 100) == ONE_POINT
 
 
+@pytest.mark.slow
 def test_no_internal_name_is_ever_shown() -> None:
     for target in ("themse/two", "bulkhead/twelve_points"):
         assert not re.search(r"\b_[a-z]", printed(target, 80))

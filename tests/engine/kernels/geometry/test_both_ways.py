@@ -117,12 +117,14 @@ def test_walks_down_a_tree_are_the_same_both_ways(seed: int) -> None:
         still = modules["layout"].Pieces(
             standing.vertices, standing.stretch, standing.radius, standing.carrier, standing.bounds
         )
+        every = np.zeros((500, 3), np.int64)
         near, hits, least = np.zeros((200, 2), np.int64), np.zeros(3, bool), np.empty(3)
         count = regions.near_pieces(still, still, tree, 0.1, near)
         pairs, skip = np.array([[6, 7], [8, 9]]), np.eye(12, dtype=bool)
-        regions.first_hits(scene.poses, own, still, tree, pairs, skip, hits)
+        regions.first_hits(scene.poses, own, still, tree, pairs, skip, np.full((2, 2), -1), hits)
+        all_of = modules["sampling"].all_hits(scene.poses, own, still, tree, pairs, skip, every)
         regions.nearest_hits(scene.poses, own, still, tree, pairs, skip, 1.0, least)
-        found.append([tree.boxes, tree.children, np.array([count]), near, hits, least])
+        found.append([tree.boxes, tree.children, np.array([count, all_of]), near, every, hits, least])
     assert same(*found)
 
 

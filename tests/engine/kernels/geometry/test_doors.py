@@ -111,14 +111,19 @@ def test_branches_have_eight_rows_of_six() -> None:
 def test_standing_pieces_are_asked_for_by_arrays_that_fit() -> None:
     asking, standing = pieces(), pieces(carrier=np.zeros(2, np.int64))
     poses, skip, out = np.zeros((3, 2, 3, 4)), np.zeros((2, 2), bool), np.zeros(3, bool)
+    likely = np.full((1, 2), -1)
     pairs_of = np.zeros((0, 2), np.int64)
-    regions.first_hits(poses, asking, standing, hierarchy(), pairs_of, skip, out)
+    regions.first_hits(poses, asking, standing, hierarchy(), pairs_of, skip, likely, out)
     for bad, why in (
-        ((poses[:, :1].copy(), asking, standing, hierarchy(), pairs_of, skip, out), "carrier poses must"),
-        ((poses, asking, asking, hierarchy(), pairs_of, skip, out), "but 2 stand"),
-        ((poses, asking, standing, hierarchy(), pairs_of, skip[:1], out), "may touch"),
-        ((poses, asking, standing, hierarchy(), pairs_of, skip, out[:2]), "as many results"),
-        ((poses, asking, standing, hierarchy(), np.array([[0, 2]]), skip, out), "pairs must be"),
+        (
+            (poses[:, :1].copy(), asking, standing, hierarchy(), pairs_of, skip, likely, out),
+            "carrier poses must",
+        ),
+        ((poses, asking, asking, hierarchy(), pairs_of, skip, likely, out), "but 2 stand"),
+        ((poses, asking, standing, hierarchy(), pairs_of, skip[:1], likely, out), "may touch"),
+        ((poses, asking, standing, hierarchy(), pairs_of, skip, likely, out[:2]), "as many results"),
+        ((poses, asking, standing, hierarchy(), np.array([[0, 2]]), skip, likely, out), "pairs must be"),
+        ((poses, asking, standing, hierarchy(), pairs_of, skip, np.array([[0, 4]]), out), "likely to touch"),
     ):
         with pytest.raises(ValueError, match=why):
             regions.first_hits(*bad)

@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from engine.kernels.geometry import lanes
 from engine.kernels.geometry.angles import sine_cosine
 from engine.kernels.geometry.edges import free_edges
 from engine.kernels.geometry.proof import proved
@@ -84,6 +85,23 @@ def test_what_is_proved_is_free_a_thousand_times_finer(seed: int) -> None:
             where = path[0] + proof.where * (path[1] - path[0])
             assert ground.clearance(where[None])[0] < 0.05
     assert found or ground.collides(rng.uniform(-3, 3, (50, ground.scene.joints.count))).mean() > 0.5
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_vectors_of_four_and_of_eight_look_at_the_same_and_say_the_same(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(400 + seed)
+    ground, told = any_ground(rng), []
+    a = rng.uniform(-3, 3, (60, ground.scene.joints.count))
+    b = a + rng.normal(size=a.shape) * rng.choice([0.02, 0.3, 1.0], (60, 1))
+    for wide in (lanes.WIDE, False):
+        monkeypatch.setattr(lanes, "WIDE", wide)
+        lines, proof, free = ground.lines(STEP), ground.proof(0.0, 1e-3), np.zeros(60, dtype=np.uint8)
+        free_edges(lines, a, b, free)
+        sure = [proved(proof, np.array(ends)) for ends in zip(a, b, strict=True)]
+        told.append((free.tolist(), lines.looked, sure, proof.looked, proof.refined))
+    assert told[0] == told[1]
 
 
 def test_lines_and_proofs_are_the_same_without_a_compiler() -> None:

@@ -14,7 +14,7 @@ from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Injection, Simulator
 from engine.pipelines.simulator.driver import Settings, fault_base
 from kb.diagnostics import InvalidInput
@@ -60,7 +60,7 @@ def executed(
     driver = Simulator(cell, settings or Settings())
     kept = Kept()
     execution = Execution("r", problem, driver, Recorder(kept, driver.now_ms), orders or Timed(), base)
-    ending = execution.start(ready, World.of(problem, situation_of(problem).state), approve)
+    ending = execution.start(ready, SymbolicWorld.of(problem, situation_of(problem).state), approve)
     return ending, kept.records, cell
 
 

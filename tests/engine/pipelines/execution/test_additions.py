@@ -26,6 +26,7 @@ def baked(records: list[Record]) -> list[str]:
     return [each.content["action"][5:7] for each in sent if each.content["action"].startswith("bake(")]
 
 
+@pytest.mark.slow
 def test_a_due_date_that_is_given_while_it_runs_changes_the_order_of_what_has_not_begun() -> None:
     before = baked(executed(FOUR)[1])
     ending, records, _ = executed(FOUR, orders=added(URGENT, 7_000))
@@ -37,6 +38,7 @@ def test_a_due_date_that_is_given_while_it_runs_changes_the_order_of_what_has_no
     assert len(done) == len(set(done)) == 20
 
 
+@pytest.mark.slow
 def test_a_further_command_comes_with_its_due_date() -> None:
     said = "process probe_2 in the furnace for 5 min; due(probe_2, 10 min)"
     ending, records, _ = executed("themse/one", orders=added(said, 3_000))

@@ -14,7 +14,7 @@ from engine.pipelines.execution.records import compiled_of
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import standing_again
-from engine.pipelines.simulation import Memory, World
+from engine.pipelines.simulation import Memory, SymbolicWorld
 from engine.pipelines.simulator import Injection
 from engine.pipelines.simulator.driver import fault_base
 from kb.store.journal import Line
@@ -54,7 +54,7 @@ def records_of(name: str) -> tuple[Record, ...]:
 
 def past(name: str, records: Sequence[Record], checkpoints: bool) -> Past:
     problem, _ = planned(RUNS[name][0])
-    start = World.of(problem, situation_of(problem).state)
+    start = SymbolicWorld.of(problem, situation_of(problem).state)
     found = Past(start, Scope(problem), Memory.of(fault_base(problem)))
     if checkpoints:
         return past_of(Part(records), "r", found)  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from engine.pipelines.execution.records import compiled_of
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import standing_again
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import Injection
 from engine.stages.execution.outlook import Accuracy
 from tests.engine.pipelines.execution.cells import executed, planned
@@ -49,7 +49,7 @@ def flushed(monkeypatch: pytest.MonkeyPatch) -> Flushed:
 def test_what_is_in_the_hands_follows_from_the_journal(step: str, cause: str, flushed: Flushed) -> None:
     problem, _ = planned("themse/one")
     _, records, _ = executed("themse/one", [Injection(step, cause)])
-    past, read = Past(World.of(problem, situation_of(problem).state), Scope(problem)), 0
+    past, read = Past(SymbolicWorld.of(problem, situation_of(problem).state), Scope(problem)), 0
     for number, full, open_case in flushed:
         for record in records[read:number]:
             past.take(record)

@@ -15,7 +15,7 @@ from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import compiled_of, plan_entry
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Simulator
 from engine.pipelines.simulator.driver import fault_base
 from engine.pipelines.simulator.log import _command, _entry
@@ -69,7 +69,7 @@ def run(problem: Problem, ready: Ready, looks: int) -> list[Record]:
     cell.last = looks
     driver = Simulator(cell)
     execution = Execution("r", problem, driver, Recorder(kept, driver.now_ms), Timed(), fault_base(problem))
-    execution.start(ready, World.of(problem, situation_of(problem).state))
+    execution.start(ready, SymbolicWorld.of(problem, situation_of(problem).state))
     return kept.records
 
 

@@ -28,6 +28,7 @@ def slowly(group: int, written: bool) -> ParameterSet:
     return pytest.param(group, written, marks=pytest.mark.slow)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("group", "written"), [(2, True), slowly(5, False), slowly(6, True), slowly(9, True), (27, False)]
 )
@@ -45,6 +46,7 @@ def test_a_run_goes_on_from_a_checkpoint(
         assert journal.last("one-1", "checkpoint")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("group", [20, 25])
 def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int
@@ -56,6 +58,7 @@ def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
         assert any("rest" in each.content for each in journal.lines("one-1", kinds=["checkpoint"]))
 
 
+@pytest.mark.slow
 def test_one_can_go_back_to_a_step_that_was_done_before_a_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -87,6 +90,7 @@ def test_a_run_can_be_killed_at_any_group_of_records(tmp_path: Path) -> None:
             return
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_behind_its_end_is_over(tmp_path: Path) -> None:
     problem, _ = planned("themse/one")
     wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
@@ -103,6 +107,7 @@ def test_a_run_that_is_killed_behind_its_end_is_over(tmp_path: Path) -> None:
     assert ending.outcome == "reached"
 
 
+@pytest.mark.slow
 def test_a_stopped_run_is_taken_up_again(tmp_path: Path) -> None:
     problem, _ = planned("themse/one")
     wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)

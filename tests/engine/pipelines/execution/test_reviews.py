@@ -11,7 +11,7 @@ from engine.pipelines.execution import Execution, Given, Timed, Wanted, begin, n
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.simulation import World
+from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Simulator
 from engine.pipelines.simulator.driver import Settings
 from kb.loader import bundled, load_problem
@@ -55,6 +55,7 @@ def test_what_makes_no_sense_is_refused_and_the_run_goes_on() -> None:
     assert [each.content["what"] for each in of(records, RecordKind.DECISION)][-1] == "add refused"
 
 
+@pytest.mark.slow
 def test_two_commands_at_the_same_time_are_both_followed() -> None:
     further = [(3_000, FURTHER), (3_000, Given(Order.ADD, "process probe_3 in the furnace for 5 min"))]
     ending, records, _ = executed("themse/one", orders=Timed(further))
@@ -69,6 +70,7 @@ def test_a_command_at_a_pause_waits_until_the_run_goes_on() -> None:
     assert not [each for each in of(records, RecordKind.COMMAND) if 100_000 <= each.at_ms < 300_000]
 
 
+@pytest.mark.slow
 def test_a_run_that_stops_behind_a_further_command_takes_it_up_again(tmp_path: Path) -> None:
     problem, _ = planned("themse/one")
     wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
@@ -103,7 +105,7 @@ def short_stays(folder: Path, most: int) -> tuple[Problem, Ready]:
 def run(problem: Problem, ready: Ready, settings: Settings) -> tuple[Finish, list[Record]]:
     driver, kept = Simulator(HiddenCell(problem, None), settings), Kept()
     execution = Execution("r", problem, driver, Recorder(kept, driver.now_ms), Timed())
-    return execution.start(ready, World.of(problem, situation_of(problem).state)), kept.records
+    return execution.start(ready, SymbolicWorld.of(problem, situation_of(problem).state)), kept.records
 
 
 def stays(records: list[Record]) -> list[int]:

@@ -120,6 +120,7 @@ def test_a_run_that_is_not_approved_moves_nothing() -> None:
     assert ending.outcome == "reached"
 
 
+@pytest.mark.slow
 def test_a_step_done_by_hand_is_skipped_at_a_pause() -> None:
     orders = Timed(
         [

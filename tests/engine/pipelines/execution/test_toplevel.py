@@ -37,6 +37,7 @@ def test_the_first_declared_tool_that_serves_is_used_after_those_that_it_needs(
     assert (found.starts is None) == (tools == ("planner",))
 
 
+@pytest.mark.slow
 def test_what_was_learned_is_used_by_the_next_run(tmp_path: Path) -> None:
     problem, store = problem_of("themse/one"), str(tmp_path / "l.db")
     assert made(problem, Limits(), store).notes == ("library: a plan", "scheduler: a timetable")

@@ -133,6 +133,7 @@ def test_capacity_is_one_piece_of_advice_with_the_least_number() -> None:
     assert sum("capacity(freezer" in each and "usual" not in each for each in found) == 1
 
 
+@pytest.mark.slow
 def test_a_fact_that_is_in_the_way_is_removed() -> None:
     problem = load_problem("bulkhead/tool_missing")
     given = Function("unavailable", (Function("slra"),))

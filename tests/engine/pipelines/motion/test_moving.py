@@ -2,21 +2,27 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from engine.model.motion import Moved, Strategy
-from engine.pipelines.motion.legs import APPROACH, Leg, leg_of
-from engine.pipelines.motion.moving import Motion, Site, Wish, move
+from engine.model.motion import Blocked, Moved, Strategy
+from engine.pipelines.motion.ends import End
+from engine.pipelines.motion.legs import APPROACH, FREE, Departures, Leg, departures, leg_of
+from engine.pipelines.motion.moving import Motion, Site, Wish, _planned, move
 from engine.pipelines.motion.zones import zones_of
 from engine.stages.geometry import transforms
+from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reached
 from engine.stages.geometry.reach.straight import STRAY_M, Broken, straight
 from kb.diagnostics import InvalidInput
 from kb.model.cell import Placement, Zone
 from kb.model.shapes import Box, Pose
+from tests.engine.stages.motion.conftest import arm_among, block
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +104,59 @@ def test_a_touch_deeper_than_declared_is_not_proved(bulkhead: Site) -> None:
     assert not leg.proved
     (touch,) = leg.touches
     assert touch.deepest_m > touch.allowed_m
+
+
+def test_a_line_on_which_something_goes_too_deep_is_left_out_where_another_does_not(bulkhead: Site) -> None:
+    place = replace(bulkhead.world.cell.places["meas(m2)"], depth_m=0.002)
+    x, y, _ = place.placement.pose.position_m
+    found = []
+    for depth in (0.004, 0.001):
+        pose = replace(place.placement.pose, position_m=(x, y, depth))
+        there = bulkhead.reach.at(
+            replace(place, depth_m=0.005, placement=replace(place.placement, pose=pose))
+        )
+        assert isinstance(there, Reached)
+        found.append(there.q[0])
+    hand = ArmHand(
+        bulkhead.world,
+        bulkhead.reach.checker(place).scene,
+        place.arm,
+        bulkhead.reach.flange_to_end(place),
+    )
+    end = End("meas(m2)", place.arm, np.array(found), place)
+    both = departures(end, np.array(found), bulkhead.reach, hand, "--to")
+    assert [line[0].tolist() for line in both.lines if line is not None] == [found[1].tolist()]
+    deep = departures(end, np.array(found[:1]), bulkhead.reach, hand, "--to")
+    assert len(deep.lines) == 1  # it is told later that this one is not proved
+
+
+@pytest.mark.parametrize("goal", ["meas(m2)", pytest.param("meas(m11)", marks=pytest.mark.slow)])
+def test_without_straight_lines_what_may_touch_goes_no_deeper_than_it_may(bulkhead: Site, goal: str) -> None:
+    found = move(bulkhead, "meas(m1)", [goal], Wish(direct=True))
+    assert [leg.kind for leg in found.legs] == [FREE]
+    assert found.proved
+    assert all(each.deepest_m <= each.allowed_m for each in found.legs[0].touches)
+    whole = np.repeat(found.whole()[:1], 3000, axis=0)
+    whole[:, found.own] = found.times.at(np.linspace(0.0, found.times.duration_s, 3000))[0]
+    place = bulkhead.world.cell.places["meas(m1)"]
+    assert bulkhead.reach.meeting(place).clearance(whole).min() >= -place.depth_m
+
+
+def test_a_start_that_is_walled_in_gives_way_to_the_next_one() -> None:
+    posts = [block("post", (0.8 * np.cos(a), 0.8 * np.sin(a)), (0.1, 0.1)) for a in (1.0, -2.0)]
+    ground, goal = Ground(BuiltinChecker(arm_among(posts))), np.array([[2.0, 0.5]])
+    starts = np.array([[0.0, 0.0], [0.1, 0.0], [2.4, 0.0]])
+    ways = [Departures(each, (None,) * len(each), None) for each in (starts, starts[:2], goal)]
+    hand: Any = SimpleNamespace(own=slice(0, 2))
+    first, _, answer = _planned(ground, hand, ways[0], ways[2:], Wish(budget=5000))
+    assert isinstance(answer, Moved)
+    assert first == 2
+    assert answer.proved
+    assert np.array_equal(answer.path[0], starts[2])
+    first, _, answer = _planned(ground, hand, ways[1], ways[2:], Wish(budget=5000))
+    assert isinstance(answer, Blocked)
+    assert first == 0
+    assert answer.severed is not None  # from each of them
 
 
 @pytest.mark.parametrize("strategy", list(Strategy))

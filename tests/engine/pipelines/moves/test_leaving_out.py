@@ -5,19 +5,24 @@ from pathlib import Path
 
 import pytest
 
+from engine.model.moves import MovedStep, Unmoved
 from engine.model.outcome import Found
 from engine.pipelines import objective
 from engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
 from engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
+from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.leaving_out import within_reach
+from engine.pipelines.moves.walking import Walk, operation_of
 from engine.pipelines.planning import problem_of
 from engine.pipelines.poses.planning import plan_with_poses
 from engine.plugins import geometry_backend
 from engine.stages.planning import Limits
+from kb.asp import ground_term
 from kb.loader import load_problem
 from kb.loader.cell import cell_of
 from kb.model.cell import Body, BodyKind, Cell, Placement
 from kb.model.conditions import goal_parts
+from kb.model.plan import Step, StepId
 from kb.model.problem import Chain, Problem
 from kb.model.shapes import Box, PlacedShape, Pose
 from kb.terms import Function
@@ -33,6 +38,13 @@ UNREACHED = {
     "from behind": {"a1": (-0.2, -0.5, 1)},
     "both": {"a1": (-0.2, -0.5, 1), "a2": (0.2, 6.0, -1)},
 }
+
+
+def term(text: str) -> Function:
+    """The ground term in a text."""
+    found = ground_term(text)
+    assert isinstance(found, Function)
+    return found
 
 
 def few(folder: Path, **elsewhere: tuple[float, float, int]) -> str:
@@ -157,3 +169,27 @@ def test_what_was_found_out_survives_the_journal() -> None:
     known = replace(told, statics=(*told.statics, fact), durations={step: 7})
     assert with_knowledge(told, added_knowledge(told, known)) == known
     assert added_knowledge(told, told) == {}
+
+
+def taken(walk: Walk, text: str, before: frozenset[Function], after: frozenset[Function]) -> object:
+    """What comes of one step of the arm."""
+    operation = operation_of(walk.cell, term(text))
+    assert operation is not None
+    return walk.step(Step(StepId(1), term(text)), operation, before, after)
+
+
+def test_a_step_to_where_a_scanner_sees_nothing_is_refused_with_what_hides_the_point() -> None:
+    problem, cell = problem_of("bulkhead/twelve_points"), cell_of("bulkhead/twelve_points")
+    before = frozenset({term("location(slra, t3_746, in_rack)"), term("stands(t3_746, middle)")})
+    holding = frozenset({term("holding(t3_746, slra)"), term("stands(t3_746, middle)")})
+    plate = PlacedShape(Box((0.3, 0.3, 0.01)))
+    screen = Body("screen", BodyKind.FIXTURE, Placement("bulkhead", Pose((0.0, -0.5, -0.04))), (plate,))
+    answers = []
+    for each in (cell, replace(cell, bodies={**cell.bodies, "screen": screen})):
+        walk = Walk(PlanGate().semantics(problem), each, geometry_backend())
+        assert isinstance(taken(walk, "pick_up(t3_746, slra)", before, holding), MovedStep)
+        answers.append(taken(walk, "move(t3_746, rack(slra), meas(m4))", holding, holding))
+    assert isinstance(answers[0], MovedStep)
+    assert isinstance(answers[1], Unmoved)
+    assert (answers[1].level, answers[1].culprits, answers[1].sure) == ("sight", ("screen",), True)
+    assert "screen is between it and the laser and camera of slra" in answers[1].reason

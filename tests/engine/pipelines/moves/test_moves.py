@@ -117,6 +117,7 @@ def fired(tmp_path_factory: pytest.TempPathFactory) -> Moving:
     return moving(*kiln_room(tmp_path_factory.mktemp("kiln")))
 
 
+@pytest.mark.slow
 def test_what_stands_in_the_way_is_moved_first(fired: Moving) -> None:
     """The symbols know nothing of the brick on the kiln: it is found when the arm cannot put the bolt there."""
     found = fired

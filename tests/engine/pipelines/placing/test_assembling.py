@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.pipelines.placing.assembling import Built, NotBuilt, assemble, problem_with
-from engine.pipelines.placing.yard import Move, Obstacle, Spot, Way, Yard, least
+from engine.pipelines.placing.assembling import Built, assemble
+from engine.pipelines.placing.ordering import NotBuilt, problem_with
+from engine.pipelines.placing.yard import Move, Obstacle, Spot, Way, least
 from engine.pipelines.planning import check_plan
 from kb.loader import load_domain
 from kb.loader.scene import load_scene
@@ -62,6 +63,7 @@ def five() -> Built:
     return made
 
 
+@pytest.mark.slow
 def test_two_parts_are_built_one_upon_the_other() -> None:
     made, _ = assemble(related(FIVE, "floor_plate", "wall_1"), DOMAIN, "base")
     assert isinstance(made, Built)
@@ -91,17 +93,15 @@ def test_each_move_begins_where_the_one_before_it_ended(five: Built) -> None:
 def test_the_plan_stands_with_all_that_was_learned(five: Built) -> None:
     assert five.obstacles
     assert check_plan(five.problem, five.plan) == []
-    naive = problem_with(DOMAIN, sorted(five.goal.poses.keys() - {"base"}), ())
+    parts = sorted(five.goal.poses.keys() - {"base"})
+    naive = problem_with(DOMAIN, parts, (), dict.fromkeys(parts, Spot.FOUND))
     assert len(naive.statics) == 0
 
 
 @pytest.mark.slow
 def test_a_lid_waits_for_what_carries_it(five: Built) -> None:
-    world = five.site.world
-    goals = {part: world.pose("world", "base") @ T for part, T in five.goal.poses.items() if part != "base"}
-    yard = Yard(five.site, goals)
-    lid = Move("lid", Way.DIRECT, Spot.FOUND, Spot.GOAL)
-    answer = yard.moved(lid, dict.fromkeys(goals, Spot.FOUND), world.configuration)
+    yard, lid = five.yard, Move("lid", Way.DIRECT, Spot.FOUND, Spot.GOAL)
+    answer = yard.moved(lid, dict.fromkeys(yard.goals, Spot.FOUND), yard.site.world.configuration)
     assert isinstance(answer, Obstacle)
     assert answer.until in (("wall_1",), ("wall_2",))
 
@@ -133,6 +133,7 @@ def test_where_no_grasp_serves_both_ends_the_plan_regrasps() -> None:
     assert all(each.move.way is Way.DIRECT for each in made.obstacles)
 
 
+@pytest.mark.slow
 def test_without_an_order_the_obstacles_are_told() -> None:
     """The gap for the plate is too narrow for the fingers on both sides, whatever comes first: it is wider than the jaws."""
     scene = replace(FIVE, hand=replace(FIVE.hand, opening_m=0.05))

@@ -48,6 +48,7 @@ def seen_at(x: float, y: float, turn: float) -> Floats:
     return depth_image(SCENE, World.of(cell), camera_of(SCENE)).depth
 
 
+@pytest.mark.slow
 def test_a_part_that_was_moved_after_the_first_look_is_planned_for_anew(plan: Placed) -> None:
     since = again(SCENE, "angle", "base", plan, seen_at(0.43, 0.15, -0.4))
     assert since.moved_m == pytest.approx(np.hypot(0.02, 0.03), abs=0.001)

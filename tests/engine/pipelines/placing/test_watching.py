@@ -51,6 +51,7 @@ def warnings(state: Watched, *events: Event) -> list[Outlook]:
     return [said.outlook for _, said in watched(state, events) if said is not None]
 
 
+@pytest.mark.slow
 def test_an_operator_who_does_well_hears_nothing(run: tuple[Watched, tuple[Act, Act]]) -> None:
     state, acts = run
     told = list(watched(state, acts))
@@ -64,7 +65,7 @@ def test_a_grasp_that_cannot_place_is_told_at_once(run: tuple[Watched, tuple[Act
     task = state.site.task("wheel", (state.T_world_part, state.T_goal))
     useless = possible(task, state.T_world_part) & ~possible(task, state.T_goal)
     hold = int(np.argmax(useless))
-    width = task.holds.grasps[task.holds.grasp_of[hold]].width_m
+    width = task.holds.grasps[task.holds.grasp_of[hold]].opening
     reach = Reach(with_hand(task.world, task.scene, task.holds.jaws, width), "arm")
     q = reach.configurations(state.T_world_part @ task.holds.poses[hold], task.world.configuration)[0]
     (outlook,) = warnings(state, Act(q, Jaws.CLOSE))

@@ -67,6 +67,7 @@ def depths(cell: Cell, known: Knowledge) -> list[float]:
     return found
 
 
+@pytest.mark.slow
 def test_a_point_at_the_foot_of_a_rib_is_not_reached_through_the_rib(problem: Problem, cell: Cell) -> None:
     inside = known_poses(moved_to(problem, "a1", -200_000, -1_700_000), cell, geometry_backend())
     assert "us_probe touches ribs by 35 mm" in inside.unreached()["a1"]
@@ -74,6 +75,7 @@ def test_a_point_at_the_foot_of_a_rib_is_not_reached_through_the_rib(problem: Pr
     assert "a1" not in beside.unreached()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("depth_mm", "reached"), [(2, True), (7, False)])
 def test_a_probe_may_lean_into_a_rib_as_deep_as_it_may_touch_and_no_deeper(
     problem: Problem, cell: Cell, depth_mm: int, reached: bool
@@ -84,6 +86,7 @@ def test_a_probe_may_lean_into_a_rib_as_deep_as_it_may_touch_and_no_deeper(
     assert max(depths(cell, known)) <= TOUCH_M + 1e-9
 
 
+@pytest.mark.slow
 def test_all_points_keep_poses_that_enter_nothing(cell: Cell, known: Knowledge) -> None:
     assert known.unreached() == {}
     assert max(depths(cell, known)) <= TOUCH_M
@@ -157,6 +160,45 @@ def test_a_block_before_one_point_touches_only_the_poses_near_it_and_takes_the_p
     assert "block" in again.unreached()["a1"]
     told = with_stations(problem, again)
     assert any(fact.name == "impossible" and str(fact.arguments[0]) == "a1" for fact in told.statics)
+
+
+@pytest.mark.slow
+def test_a_scanner_looks_past_what_stands_beside_its_way_and_is_told_what_hides_a_point(
+    problem: Problem, cell: Cell, known: Knowledge
+) -> None:
+    """The block is where no pose of the arm touches it: only the eyes of the scanner meet it."""
+    hidden = known_poses(
+        problem, with_block(cell, (0.2, -1.25, -0.05), 0.06), geometry_backend(), known.poses
+    )
+    assert "block is between it and the laser and camera of slra" in hidden.unreached()["a2"]
+    assert {key[0] for key, each in hidden.poses.items() if each is not known.poses.get(key)} == {"a2"}
+    beside = known_poses(problem, with_block(cell, (0.2, -1.20, -0.1), 0.06), geometry_backend(), known.poses)
+    assert "a2" not in beside.unreached()
+    again = known_poses(problem, cell, geometry_backend(), hidden.poses)
+    assert again.unreached() == {}
+    for key, each in again.poses.items():
+        assert all(map(np.array_equal, each.straight, known.poses[key].straight))
+
+
+def test_a_patch_is_as_large_as_what_stands_around_lets_see(
+    problem: Problem, cell: Cell, known: Knowledge
+) -> None:
+    """A ring of four blocks leaves a window of 4 cm."""
+    walls = [(0.2 + x, -1.25 + y, -0.01) for x, y in ((0.04, 0), (-0.04, 0), (0, 0.04), (0, -0.04))]
+    boxes = tuple(
+        PlacedShape(Box((0.03 if n < 2 else 0.12, 0.12 if n < 2 else 0.03, 0.01)), Pose(at, (0.0, 0.0, 0.0)))
+        for n, at in enumerate(walls)
+    )
+    frame = Body("frame", BodyKind.FIXTURE, Placement("bulkhead"), boxes)
+    narrow = known_poses(
+        problem, replace(cell, bodies={**cell.bodies, "frame": frame}), geometry_backend(), known.poses
+    )
+    for key, each in narrow.poses.items():
+        if key[0] == "a2" and each.reached:
+            assert each.patch is not None
+            assert 0.02 <= each.patch.size_m[0] <= 0.05
+    assert "a2" not in narrow.unreached()
+    assert {each.patch.size_m[0] for each in known.poses.values() if each.patch} == {0.06}
 
 
 def at_value(world: World, value: float, q: np.ndarray, kinematics: dict[str, InverseKinematics]) -> bool:

@@ -117,6 +117,7 @@ def test_steps_that_need_what_is_lost_are_not_taken_again(planned: tuple[Problem
     assert [step.operator for step in found.kept] == [step.operator for step in left.steps]
 
 
+@pytest.mark.slow
 def test_a_kept_sequence_is_told_what_was_lost_and_what_the_plan_has_done(
     plate: Path, planned: tuple[Problem, Plan], tmp_path: Path
 ) -> None:

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from engine.faces.cli import app
+from engine.formats.report.recovery import given_up_lines
 
 MEASURE = "us_measure(us_probe, t3_746, m2)"
 PICK = "pick(probe_1, slot(drawer, 1))"
@@ -41,6 +42,7 @@ def planned(found: dict[str, Any]) -> list[str]:
     return [step["operator"] for step in found["recovery"]["plan"]["steps"]]
 
 
+@pytest.mark.slow
 def test_what_prepared_tests_and_repairs_is_printed_and_undone(plans: dict[str, str]) -> None:
     more = ("--hidden", "part_moved", "--objective", "repair")
     found = diagnosed(plans, "bulkhead/one_point", "implausible_value", MEASURE, *more)
@@ -140,3 +142,40 @@ def test_work_done_before_a_cause_was_noticed_is_open_again(plans: dict[str, str
     earlier = next(step for step in order if step.startswith(("us_measure", "laser_measure")))
     assert any(atom.startswith("measured(") for atom in found["withdrawn"])
     assert earlier in planned(found)
+
+
+def test_what_a_repair_has_made_as_it_was_is_not_told(plans: dict[str, str]) -> None:
+    more = ("--hidden", "tool_missing", "--objective", "repair")
+    found = diagnosed(plans, "bulkhead/both_tools", "tool_not_held", "pick_up(t3_746, slra)", *more)
+    assert found["cured"] == "set_rack_right"
+    assert not [atom for atom in (*found["asserted"], *found["withdrawn"]) if atom.startswith("location")]
+
+
+def test_a_repair_that_cannot_be_prepared_is_not_offered_but_a_person_is_asked(plans: dict[str, str]) -> None:
+    """Straightening needs an empty hand, and the lid in it cannot be put down."""
+    more = ("--hidden", "probe_tilted", "--objective", "repair", "--seed", "5")
+    case = ["diagnose", "themse/one", "--exception", "put_blocked", "--step", "put(lid, stand)"]
+    code, out = run(*case, "--plan", plans["themse/one"], "--recover", *more)
+    assert code == 0
+    assert "straighten_probe" not in out
+    assert "question" in out
+    assert "given up: cooled(probe_1, 300) of 1:probe_1: probe_tilted is there still" in " ".join(out.split())
+
+
+def test_a_probe_is_looked_for_before_it_is_given_up(plans: dict[str, str]) -> None:
+    more = ("--hidden", "probe_slipped", "--objective", "repair")
+    found = diagnosed(plans, "themse/one", "grip_failed", PICK, *more)
+    assert "do_without_probe" not in [each["action"] for each in found["observations"]]
+
+
+def test_a_step_that_the_plan_does_not_have_is_named(plans: dict[str, str]) -> None:
+    step = "us_measure(us_probe, t3_746, m1)"
+    case = ["diagnose", "bulkhead/one_point", "--exception", "implausible_value", "--step", step]
+    result = CliRunner().invoke(app, [*case, "--plan", plans["bulkhead/one_point"], "--hidden", "part_moved"])
+    assert f"the plan has no step {step}" in result.stderr
+    assert f"did you mean '{MEASURE}'?" in result.stderr
+
+
+def test_a_reason_is_told_once_for_all_its_goals() -> None:
+    told = given_up_lines([("a", "it is lost"), ("b", "it comes after a"), ("c", "it is lost")])
+    assert told == ["given up: a, c: it is lost", "given up: b: it comes after a"]

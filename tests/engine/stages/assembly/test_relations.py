@@ -106,6 +106,7 @@ def test_the_smallest_contradiction_is_named() -> None:
     assert {str(each) for each in found.relations} == {"a.bottom against b.top", "a.bottom distance b.top"}
 
 
+@pytest.mark.slow
 def test_a_contradiction_may_run_through_several_parts() -> None:
     lid = plane("c", "lid", "-z", 0.0)
     relations = [

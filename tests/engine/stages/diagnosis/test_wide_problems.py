@@ -138,6 +138,7 @@ def test_each_of_many_causes_is_isolated(causes: int, tests: int, unsure: int) -
     assert made.hypotheses[0][0] == hidden
 
 
+@pytest.mark.slow
 def test_a_pair_of_many_causes_is_explained() -> None:
     base = model(100, 9)
     base = replace(base, tests={**base.tests, "both": FaultTest("both", "", 1, ("no", "yes"), "no", {})})

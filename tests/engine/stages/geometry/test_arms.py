@@ -119,6 +119,7 @@ def arm_of(*joints: Joint) -> ArmModel:
     return ArmModel(Arm("made_up", joints, flange=(Pose((0.1, 0.0, 0.2)),)))
 
 
+@pytest.mark.slow
 def test_an_arm_without_a_closed_form_is_searched(rng: np.random.Generator) -> None:
     """Six axes, no three of which are parallel or meet."""
     joints = []

@@ -51,6 +51,7 @@ def pixels(picture: bytes) -> Floats:
     return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=float)
 
 
+@pytest.mark.slow
 def test_a_colliding_pair_is_marked_in_both_pictures(hitting: View, drawn: tuple[bytes, str]) -> None:
     assert hitting.contacts
     image = pixels(drawn[0])
@@ -82,6 +83,7 @@ def resting(name: str) -> View:
     return view_of(load_cell(bundled()[name] / "cell.yaml"), BuiltinBackend())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["themse", "bulkhead"])
 @pytest.mark.parametrize("azimuth", AZIMUTHS)
 def test_every_body_is_named_once_and_no_name_lies_on_another(name: str, azimuth: float) -> None:
@@ -121,6 +123,7 @@ def test_triangles_of_one_piece_are_not_cut() -> None:
     assert len(parts) == 9
 
 
+@pytest.mark.slow
 def test_the_same_view_gives_the_same_bytes(hitting: View, drawn: tuple[bytes, str]) -> None:
     assert as_png(hitting, AZIMUTH_RAD, ELEVATION_RAD) == drawn[0]
     assert as_svg(hitting, AZIMUTH_RAD, ELEVATION_RAD) == drawn[1]

@@ -134,6 +134,12 @@ def test_a_cell_may_name_a_urdf_with_its_packages(folder: Path) -> None:
     assert len(load_cell(folder / "cell.yaml").arms["crane"].arm.joints) == 3
 
 
+def test_an_arm_rests_with_sliding_joints_in_units_of_length(folder: Path) -> None:
+    crane = "{urdf: crane.urdf, packages: [packages], chain: [foot, trolley], home: [90, 0, 0.5]}"
+    (folder / "cell.yaml").write_text(f"cell: yard\nunits: {{angle: deg}}\narms:\n  crane: {crane}\n")
+    assert load_cell(folder / "cell.yaml").arms["crane"].home == (pytest.approx(math.pi / 2), 0.0, 0.5)
+
+
 BROKEN = {  # what is replaced by what: the code, and a word of the message
     "not XML": ("</robot>", "", "K703", "not XML"),
     "another root": ("robot", "tractor", "K703", "is not a robot"),

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.kernels.arrays import Floats
-from engine.stages.grasping.insertion import Insertion, Phase, advance, begun, planned
+from engine.stages.grasping.insertion import Insertion, Phase, Search, advance, begun, planned
 
 ROOM_M, DT_S = 0.0002, 0.004
 
@@ -30,18 +30,38 @@ def ended(plan: Insertion, error: Floats, looks: int = 40_000) -> Phase:
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0, 2 * np.pi), st.floats(0, 0.0015))
 def test_a_hole_within_the_doubt_is_found(angle: float, away: float) -> None:
-    plan = Insertion(0.01, ROOM_M, 0.0015, True)
+    plan = Insertion(0.01, ROOM_M, 0.0015, Search.SPIRAL)
     assert ended(plan, away * np.array([np.cos(angle), np.sin(angle)])) is Phase.DONE
 
 
 def test_a_hole_beyond_the_doubt_is_given_up() -> None:
-    assert ended(Insertion(0.01, ROOM_M, 0.001, True), np.array([0.003, 0.0])) is Phase.FAILED
+    assert ended(Insertion(0.01, ROOM_M, 0.001, Search.SPIRAL), np.array([0.003, 0.0])) is Phase.FAILED
 
 
 def test_a_part_within_its_room_goes_straight_in() -> None:
-    assert ended(Insertion(0.01, ROOM_M, 0.0001, False), np.array([0.0001, 0.0])) is Phase.DONE
+    assert ended(Insertion(0.01, ROOM_M, 0.0001, Search.NONE), np.array([0.0001, 0.0])) is Phase.DONE
 
 
 @pytest.mark.parametrize(("sigma", "searches"), [(0.00005, False), (0.0005, True)])
 def test_a_search_is_chosen_where_three_sigma_exceed_the_room(sigma: float, searches: bool) -> None:
-    assert planned(0.01, ROOM_M, np.diag([sigma**2, sigma**2 / 4])).searches is searches
+    assert planned(0.01, ROOM_M, np.diag([sigma**2, sigma**2 / 4])).search is (
+        Search.SPIRAL if searches else Search.NONE
+    )
+
+
+def test_a_round_part_is_tilted_where_the_spiral_would_take_longer_and_its_edge_is_sure_to_meet_the_hole() -> (
+    None
+):
+    doubt = np.diag([0.0005**2, 0.0005**2])
+    assert planned(0.01, 0.0001, doubt, radius_m=0.01, length_m=0.05).search is Search.TILT
+    assert planned(0.01, 0.0004, doubt, radius_m=0.01, length_m=0.05).search is Search.SPIRAL
+    assert planned(0.01, 0.0001, doubt, radius_m=0.004, length_m=0.05).search is Search.SPIRAL
+
+
+def test_a_part_that_is_led_past_every_wall_is_given_up() -> None:
+    plan = Insertion(0.01, ROOM_M, 0.0005, Search.TILT, 0.01, 0.05)
+    at, now = np.array([0.0, 0.0, 0.004]), begun(np.zeros(3), plan)
+    for _ in range(20_000):
+        now = advance(plan, now, at, 8.0 if at[2] <= 0.0 else 0.0, DT_S)
+        at = np.array([*now.target[:2], max(now.target[2], 0.0)])
+    assert now.phase is Phase.FAILED

@@ -101,6 +101,7 @@ def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None
         assert fitting <= offered
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
 def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data: st.DataObject) -> None:

@@ -1,10 +1,12 @@
 """Paths are free, repeatable, found where a grid finds one, and the reason is told where there is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from engine.model.geometry import Floats
+from engine.model.geometry import Floats, Piece
 from engine.model.motion import Blocked, InCollision, Moved, OutsideLimits, Query, Refused
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground
@@ -179,6 +181,38 @@ def test_that_there_is_no_path_is_proved_where_the_first_link_cannot_pass() -> N
     assert answer.severed.joints == (0,)
     assert {answer.severed.contacts[0].first, answer.severed.contacts[0].second} == {"link 1", "post"}
     assert walled(0.1).collides(answer.severed.at[None])[0]
+
+
+def carrying(rng: np.random.Generator) -> Ground:
+    """A random arm of three links with a ball round its base and two posts on its first link, among two blocks."""
+    base = Piece("base", 0, np.eye(4), np.zeros((1, 3)), rng.uniform(0.05, 0.3))
+    turned = rng.uniform(0.5, 2.6) * np.array([1.0, -1.0])
+    posts = [
+        replace(block("post", (0.6 + 0.4 * np.cos(a), 0.4 * np.sin(a)), (0.15, 0.15)), carrier=1)
+        for a in turned
+    ]
+    blocks = [piece for piece in random_ground(rng, 2, 3, 0.6).scene.pieces if piece.carrier == 0]
+    scene = arm_among([base, *posts, *blocks], 3, 0.6)
+    beside = [{scene.pieces[n].body for n in pair} != {"link 1", "base"} for pair in scene.pairs]
+    return Ground(BuiltinChecker(replace(scene, pairs=scene.pairs[beside])))
+
+
+@pytest.mark.parametrize("rounds", [2, pytest.param(12, marks=pytest.mark.slow)])
+def test_a_proof_about_links_among_themselves_agrees_with_the_grid(
+    rng: np.random.Generator, rounds: int
+) -> None:
+    proofs = set()
+    for _ in range(rounds):
+        ground = carrying(rng)
+        grid, regions = grid_of(ground, 34)
+        rows = rng.permutation(np.nonzero(regions)[0])[:8].reshape(-1, 2)
+        for ends, marks in zip(grid[rows], regions[rows], strict=True):
+            found = severed(ground, Query(ends[0], ends[1:]))
+            if found is not None:
+                proofs.add(found.joints)
+                assert marks[0] != marks[1]
+                assert ground.collides(found.at[None])[0]
+    assert (1,) in proofs
 
 
 def test_nothing_is_proved_where_there_is_a_way(rng: np.random.Generator) -> None:

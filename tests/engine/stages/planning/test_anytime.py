@@ -8,6 +8,7 @@ from engine.model.outcome import Found, GaveUp, Infeasible
 from engine.pipelines import planning
 from engine.stages.grounding import ground
 from engine.stages.planning import RACE, Limits, plan
+from engine.stages.planning.effort import OutOfRange
 from engine.stages.planning.portfolio import STRATEGIES
 from kb.diagnostics import InvalidInput
 from kb.loader import load_problem
@@ -76,11 +77,26 @@ def test_the_best_plan_survives_want_of_memory(monkeypatch: pytest.MonkeyPatch) 
     assert isinstance(planning.plan(load_problem("bulkhead/both_tools")), Found)
 
 
+def test_the_best_plan_survives_values_that_other_searches_cannot_count(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried: list[object] = []
+
+    def lost(*given: object) -> None:
+        tried.append(given)
+        raise OutOfRange
+
+    monkeypatch.setitem(STRATEGIES, "landmarks", lost)
+    limits = Limits(thorough=True, room=None, interrupted=lambda: bool(tried))
+    assert isinstance(planning.plan(load_problem("bulkhead/one_point"), limits), Found)
+    assert tried
+
+
 def test_want_of_memory_in_the_search_is_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     def greedy(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setitem(STRATEGIES, "auto", greedy)  # type: ignore[arg-type]
+    monkeypatch.setitem(STRATEGIES, "auto", greedy)
     outcome = planning.plan(load_problem("bulkhead/both_tools"))
     assert isinstance(outcome, GaveUp)
     assert outcome.limit == "memory"

@@ -72,7 +72,7 @@ def test_the_compiled_evaluation_finds_what_is_applicable_and_reachable(
     operators = unconditional(task)
     state = data.draw(st.integers(0, (1 << len(task.atoms)) - 1))
     search = Forward(operators, state, task.goals[0], len(task.atoms))
-    estimate, applicable, preferred = search.evaluate(state)
+    estimate, applicable, preferred = search.evaluate(search.evaluate.space.packed(state))
     plainly = [number for number, operator in enumerate(operators) if operator.preconditions & ~state == 0]
     assert sorted(applicable) == plainly
     assert set(preferred) <= set(plainly)

@@ -3,6 +3,7 @@
 import random
 import time
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -61,6 +62,7 @@ def test_job_shops_are_proved_and_bounded(seed: int) -> None:
     assert first.makespan >= made.makespan
 
 
+@pytest.mark.slow
 def test_the_same_work_gives_the_same_schedule() -> None:
     shop = job_shop(6, 6, 3)
     one, other = (solved(shop, ScheduleLimits(work=0.02)).schedule for _ in range(2))

@@ -158,6 +158,7 @@ def test_few_points_find_the_neighbours_that_a_tree_finds(monkeypatch: pytest.Mo
     assert (few == candidates.quadrant(points, costs)).all()
 
 
+@pytest.mark.slow
 def test_a_graph_of_few_edges_says_no_more_than_all_edges_allow() -> None:
     rng = np.random.default_rng(3)
     centres = rng.uniform(0, 1e5, (6, 2))
@@ -168,6 +169,7 @@ def test_a_graph_of_few_edges_says_no_more_than_all_edges_allow() -> None:
     assert 0.9 * costs.of_tour(tour) < lower <= costs.of_tour(tour)
 
 
+@pytest.mark.slow
 def test_the_bound_of_an_open_tour_counts_the_change_of_tools() -> None:
     """The city that stands for the ends is near all others, and the tools are far from each other though their places are not."""
     where = np.random.default_rng(11).uniform(0, 1000, (240, 2))
@@ -182,6 +184,7 @@ def test_the_bound_of_an_open_tour_counts_the_change_of_tools() -> None:
     assert 0.98 * found.cost < found.lower_bound <= found.cost
 
 
+@pytest.mark.slow
 def test_a_bound_from_the_nearest_cities_lies_below_the_bound_from_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

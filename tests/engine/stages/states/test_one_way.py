@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from engine.model.outcome import Found
 from engine.pipelines import planning, task_space
 from kb.loader import load
@@ -39,6 +41,7 @@ def test_a_cell_for_which_nobody_wrote_operators_is_planned() -> None:
     assert len(outcome.plan.steps) == 10
 
 
+@pytest.mark.slow
 def test_two_arms_assemble() -> None:
     goals = "contact(gear_shaft(gear), housing_bore(housing)), contact(cap_edge(cap), housing_rim(housing))"
     outcome = planning.plan(planning.problem_of(str(CELLS / "assembly"), goals))

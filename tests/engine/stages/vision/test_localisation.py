@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from engine.kernels.arrays import Floats
 from engine.kernels.rigid import difference, rotation, transform, translation, turned
@@ -15,6 +16,7 @@ from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.images import Sensor, disturbed, rendered
 from engine.stages.vision.kernels.rays import Range, draw
 from engine.stages.vision.localisation import Ground, locate
+from engine.stages.vision.refinement import AGREES, View, judged
 from engine.stages.vision.symmetry import symmetries
 from tests.engine.stages.solids import block, ell
 
@@ -128,3 +130,21 @@ def test_the_same_seed_gives_the_same_errors() -> None:
     one, other = (disturbed(image, Sensor(0.001, 0.02, mixed=0.05), 3) for _ in range(2))
     assert (one.depth == other.depth).all()
     assert (one.depth == 0).mean() == pytest.approx(0.02, abs=0.002)
+
+
+def test_what_shows_through_a_part_counts_against_it_more_than_what_is_not_seen() -> None:
+    """Otherwise a pose that claims a few more pixels wins over the true one, although the table is seen through it."""
+    T = lying(0.0, 0.0, 0.3)
+    image, ground = seen((PART, T))
+    table, owner = rendered([TABLE], CAMERA)[0].depth, rendered([TABLE, (PART, T)], CAMERA)[1]
+    inside = ndimage.binary_erosion(owner == 1, iterations=8)
+    some = inside & (np.cumsum(inside).reshape(inside.shape) <= 40)
+    through, unseen = (
+        judged(
+            Model(PART), View(DepthImage(CAMERA, np.where(some, other, image.depth), 0.001), ground.known), T
+        )
+        for other in (table, np.zeros_like(table))
+    )
+    assert through is not None
+    assert unseen is not None
+    assert through.evidence < unseen.evidence - 40 * AGREES**2 * 0.9

@@ -3,8 +3,8 @@
 The export is lifted: operators keep their parameters, deductive operators become effects, constraints over several
 variables become static facts, compound terms become objects, derived predicates are unfolded (recursive ones become
 axioms), the workflow becomes counters, and the initial state holds its defaults. If lifted PDDL cannot express a problem
-(deduction that leads back to itself, arithmetic inside a disjunction), the ground task is exported. Durations and resources
-are left out.
+(deduction that leads back to itself, arithmetic inside a disjunction), the ground task is exported.
+So is one with quantities, which become numeric fluents. Durations and resources are left out.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,6 @@ from engine.formats.interop.pddl.export.ground import GroundWriter
 from engine.formats.interop.pddl.export.plans import GroundPlans, LiftedPlans
 from engine.formats.interop.pddl.export.writer import Writer
 from engine.model.task import Task
-from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 
@@ -37,12 +36,8 @@ class PddlText:
 
 def export(problem: Problem, task: Task, lifted: bool = True) -> PddlText:
     """A problem as PDDL. `task` is its ground task; it is written if `lifted` is False, for planners that only read STRIPS."""
-    if problem.domain.quantities:
-        message = f"the quantity {next(iter(problem.domain.quantities))} cannot be written as PDDL yet"
-        hint = "plan with cellwright itself"
-        raise InvalidInput([Diagnostic(problem.where, "K802", message, hint)])
-    why = ""
-    if lifted:
+    why = "quantities" if problem.domain.quantities else ""
+    if lifted and not why:
         try:
             flat = flattened(problem, task)
             writer = Writer(flat)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from engine.formats.interop.pddl.export.names import PddlNames
+from engine.formats.interop.pddl.export.sums import Sums
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
 from kb.terms import Function
 
@@ -13,7 +14,9 @@ class GroundWriter:
     def __init__(self, name: str, task: Task) -> None:
         self.name, self.task, self.names = name, task, PddlNames()
         self.conditional = any(operator.conditional for operator in task.operators)
-        self.plain = not self.conditional and task.axioms is None
+        self.rules = task.axioms is not None and bool(task.axioms.rules)
+        self.plain = not self.conditional and not self.rules
+        self.sums = Sums(task, self.names)
         self.actions: dict[str, GroundOperator] = {}
         for operator in task.operators:
             self.actions[self._fresh(operator.instance)] = operator
@@ -32,14 +35,16 @@ class GroundWriter:
         requirements = [":strips"]
         requirements += [] if self.plain else [":negative-preconditions"]
         requirements += [":conditional-effects"] if self.conditional else []
-        requirements += [":disjunctive-preconditions"] if len(self.task.goals) > 1 or self.task.axioms else []
-        requirements += [":derived-predicates"] if self.task.axioms else []
+        requirements += [":disjunctive-preconditions"] if len(self.task.goals) > 1 or self.rules else []
+        requirements += [":derived-predicates"] if self.rules else []
+        requirements += [":numeric-fluents"] if self.sums.levels else []
+        functions = [*(["(total-cost)"] if self.priced else []), *self.sums.functions]
         requirements += [":action-costs"] if self.priced else []
         parts = [
             f"(define (domain {self.names.of('domain', self.name)})",
             f"  (:requirements {' '.join(requirements)})",
             f"  (:predicates {self._all((1 << len(self.task.atoms)) - 1)}{'' if self.task.goals else self._never})",
-            *(["  (:functions (total-cost) - number)"] if self.priced else []),
+            *([f"  (:functions {' '.join(functions)} - number)"] if functions else []),
             *self._derived(),
             *(self._action(name, operator) for name, operator in self.actions.items()),
         ]
@@ -50,6 +55,7 @@ class GroundWriter:
         goals = [f"(and {self._conditions(goal)})" for goal in self.task.goals] or [f"(and{self._never})"]
         derived = self.task.axioms.derived if self.task.axioms else 0
         facts = self._all(self.task.initial & ~derived) + (" (= (total-cost) 0)" if self.priced else "")
+        facts = " ".join([facts, *self.sums.values])
         parts = [
             f"(define (problem {self.names.of('problem', self.name)})",
             f"  (:domain {self.names.of('domain', self.name)})",
@@ -78,13 +84,16 @@ class GroundWriter:
         return f"({self.names.of('predicate', str(self.task.atoms[index]))})"
 
     def _all(self, atoms: Bits) -> str:
-        return " ".join(self._atom(i) for i in indices(atoms) if self.plain or not self._complement(i))
+        shown = indices(atoms & ~self.sums.hidden)
+        return " ".join(self._atom(i) for i in shown if self.plain or not self._complement(i))
 
     def _conditions(self, atoms: Bits) -> str:
         """A conjunction. A complementary atom that is not kept is written as a negation."""
         return " ".join(self._condition(index) for index in indices(atoms))
 
     def _condition(self, index: int) -> str:
+        if (compared := self.sums.comparison(index)) is not None:
+            return compared
         atom = self.task.atoms[index]
         if self.plain or not self._complement(index):
             return self._atom(index)
@@ -93,6 +102,7 @@ class GroundWriter:
     def _action(self, name: str, operator: GroundOperator) -> str:
         effects = self._effects(operator.adds, operator.deletes & ~operator.adds)
         effects += [f"(increase (total-cost) {operator.cost})"] if self.priced else []
+        effects += self.sums.effects(operator.changes)
         effects += [self._conditional(effect) for effect in operator.conditional]
         return (
             f"  (:action {name}\n   :parameters ()\n   :precondition (and"

@@ -1,0 +1,64 @@
+"""What a command line says of an execution by physics."""
+
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.numbers import NumberError, decimal
+
+if TYPE_CHECKING:
+    from engine.pipelines.workshop.running import Shift
+    from kb.model.scene import Scene
+
+
+def shifts_of(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "list[Shift]":
+    """What is moved (PART=X,Y,TURN in mm and degrees) or taken away after it was seen. Raises `InvalidInput`."""
+    needs_mujoco("--execute")
+    if scene.hand.fingers != 2:
+        message = f"physics has parallel jaws, and the hand of {scene.name} has {scene.hand.fingers} fingers"
+        hint = "leave out --execute, or give the hand `fingers: 2`"
+        raise InvalidInput([Diagnostic(Source("--execute"), "K005", message, hint)])
+    return list(_shifts(scene, shifted, removed))
+
+
+def needs_mujoco(option: str) -> None:
+    """Refuse what physics is needed for where MuJoCo is not installed. Raises `InvalidInput`."""
+    if find_spec("mujoco") is None:
+        message, hint = f"{option} needs MuJoCo, which is not installed", "pip install 'cellwright[mujoco]'"
+        raise InvalidInput([Diagnostic(Source(option), "K414", message, hint)])
+
+
+def _shifts(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "Iterator[Shift]":
+    from math import radians
+
+    from engine.pipelines.workshop.running import Shift
+
+    for text in shifted:
+        part, _, numbers = text.partition("=")
+        x, y, turn = _three(numbers, text)
+        yield Shift(_part(scene, part, "--shift"), (x / 1000, y / 1000), radians(turn))
+    for part in removed:
+        yield Shift(_part(scene, part, "--remove"), away=True)
+
+
+def _three(numbers: str, text: str) -> tuple[float, float, float]:
+    try:
+        found = [decimal(each.strip()) for each in numbers.split(",")]
+    except NumberError:
+        found = []
+    if len(found) != 3:
+        said = f"'{text}' does not say how a part is moved"
+        raise InvalidInput(
+            [Diagnostic(Source("--shift"), "K107", said, "write wall_2=20,-10,15: mm, mm, degrees")]
+        )
+    return found[0], found[1], found[2]
+
+
+def _part(scene: "Scene", name: str, option: str) -> str:
+    from kb.model.cell import BodyKind
+
+    parts = [each for each, body in scene.cell.bodies.items() if body.kind is BodyKind.PART]
+    if name not in parts:
+        raise InvalidInput([unknown_name("part", name, parts, Source(option))])
+    return name

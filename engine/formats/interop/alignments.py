@@ -1,0 +1,100 @@
+"""Parts aligned by what was measured on them: datums from a problem and the results of a run, and the problem moved accordingly."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from engine.formats.interop.depth_files import FARTHEST_M
+from engine.formats.interop.inspections import rewrite
+from engine.formats.interop.measurements import points
+from engine.formats.interop.qif.writing import METRES
+from engine.formats.interop.results import ResultForm, read
+from engine.kernels.rigid import apply
+from engine.model.fits import Datums
+from engine.model.geometry import Floats
+from engine.model.measurement import MeasurementPoint, Triple
+from engine.pipelines.inspection.places import with_places
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import read_file
+from kb.model.problem import Problem
+from kb.model.results import Measured, Results
+
+HINT = "name the problem that was run, and results that `cellwright results -o` has written"
+PROFILE = "profile"  # the kind of measurement that tells how far a surface is from where it should be
+
+
+def read_results(path: Path) -> Results:
+    """The results in a file that `cellwright results -o` has written. Raises `InvalidInput`."""
+    form = path.suffix[1:].lower()
+    if form not in [each.value for each in ResultForm]:
+        raise _refused(path, f"'{path.suffix}' is no form of results", "one of .csv, .json, .qif")
+    try:
+        return read(read_file(path).text, ResultForm(form))
+    except ValueError as error:
+        raise _refused(path, f"not results: {error}", HINT) from None
+
+
+def _refused(path: Path, message: str, hint: str) -> InvalidInput:
+    return InvalidInput([Diagnostic(Source(str(path)), "K805", message, hint)])
+
+
+def datums_of(problem: Problem, results: Results, sigma_m: float) -> Datums:
+    """The profiles among the results as datums: those of the alignment's steps, or all if the problem has no such steps.
+
+    A value beyond its nominal value lies that far along the normal. The last value of a point counts. Raises `InvalidInput`.
+    """
+    known = {point.name: point for point in points(with_places(problem)) if point.kind == PROFILE}
+    if any(point.step for point in known.values()):
+        known = {name: point for name, point in known.items() if point.step}
+    last = {each.of: each for each in results.measured if each.of in known}
+    if not last:
+        raise _refused(Path(problem.path), "the results have no profile of a point of this problem", HINT)
+    found = [(known[name], _deviation_m(each, problem)) for name, each in sorted(last.items())]
+    nominal, normals = (np.array([getattr(p, what) for p, _ in found]) for what in ("position", "normal"))
+    measured = nominal + normals * np.array([off for _, off in found])[:, None]
+    count = len(found)
+    names = tuple(point.name for point, _ in found)
+    return Datums(names, nominal, normals, measured, np.full(count, sigma_m), np.zeros(count, bool))
+
+
+def _deviation_m(measured: Measured, problem: Problem) -> float:
+    if measured.unit not in METRES:
+        message = f"'{measured.unit}', the unit of {measured.of}, is no length"
+        raise _refused(Path(problem.path), message, f"one of {', '.join(METRES)}")
+    off_m = (measured.value - (measured.nominal or 0.0)) * float(METRES[measured.unit])
+    if abs(off_m) > FARTHEST_M:
+        message = f"the value of {measured.of} is farther than {FARTHEST_M:.0f} m from its nominal value"
+        raise _refused(Path(problem.path), message, "leave it out of the results")
+    return off_m
+
+
+def write_moved(problem: Problem, T: Floats, target: Path) -> int:
+    """Write the problem with all its points displaced by T (4, 4); how many these are. Raises `InvalidInput`.
+
+    A file that is there already is replaced by the whole new text, or kept.
+    """
+    found = points(problem)
+    moved: list[MeasurementPoint | str] = [_moved(point, T) for point in found]
+    if target.exists() and target.samefile(problem.path):
+        raise _refused(
+            target, "this is the problem that was run, and the results belong to it", "name another file"
+        )
+    copy = target.with_name(f".{target.stem}.moved{target.suffix}")
+    try:
+        shutil.copyfile(problem.path, copy)
+        rewrite(copy, "replaced", moved)
+        copy.replace(target)
+    finally:
+        copy.unlink(missing_ok=True)
+    return len(found)
+
+
+def _moved(point: MeasurementPoint, T: Floats) -> MeasurementPoint:
+    position = apply(T, np.array([point.position]))[0]
+    return replace(point, position=_triple(position), normal=_triple(T[:3, :3] @ np.array(point.normal)))
+
+
+def _triple(v: Floats) -> Triple:
+    return (float(v[0]), float(v[1]), float(v[2]))

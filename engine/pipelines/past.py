@@ -1,0 +1,20 @@
+"""What a journal says may be anything, if somebody has changed it: then it is refused, and no fault of ours."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from kb.asp import AspError
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+STRANGE = (AspError, ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
+
+
+@contextmanager
+def reading_past(store: str, run: str) -> Iterator[None]:
+    """A context that reads the records of a run. Raises `InvalidInput` where they say what no run writes."""
+    try:
+        yield
+    except STRANGE as error:
+        said = f"the journal of run '{run}' says what no run writes: {type(error).__name__}: {error}"
+        hint = "`cellwright store restore BACKUP --replace` puts a backup in its place"
+        raise InvalidInput([Diagnostic(Source(store), "K422", said[:200], hint)]) from error

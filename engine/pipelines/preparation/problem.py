@@ -1,0 +1,85 @@
+"""One problem of a preparation: it is planned, and what was learned is kept in the store."""
+
+from pathlib import Path
+
+from engine.kernels.cancellation import Interrupted
+from engine.model.measurements import chooses_tools
+from engine.model.outcome import Found, GaveUp
+from engine.pipelines.inspection.keeping import carry_on
+from engine.pipelines.planning import loaded
+from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
+from engine.pipelines.reuse.practice import Practice
+from engine.stages.planning import Limits
+from kb.diagnostics import InvalidInput
+from kb.model.problem import Problem
+from kb.stopping import Stopped
+from kb.store import Library
+from kb.targets import CELL_FILE
+
+
+def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
+    """Plan one problem with the library in the store, and bring its kept sequence up to date."""
+    if interrupted():
+        return interrupted_before(job.path)
+    try:
+        problem = loaded(job.path).problem
+        if problem is None:
+            return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
+        measures = chooses_tools(problem.domain)
+        poses = _poses(job.store, problem) if measures else None
+        kept = _kept(job.store, problem) if measures else None
+        limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
+        with Library(job.store) as library, Practice(library, limits) as practice:
+            answered = practice.plan(problem)
+    except InvalidInput as error:
+        return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics))
+    except Stopped:
+        return interrupted_before(job.path)
+    outcome = answered.outcome
+    return Prepared(
+        problem.name,
+        "found" if isinstance(outcome, Found) else "gave up" if isinstance(outcome, GaveUp) else "infeasible",
+        answered.origin,
+        answered.macrop,
+        answered.name,
+        answered.reason if isinstance(outcome, Found) else outcome.reason,
+        sum(outcome.statistics.seconds.values()),
+        sequence=kept,
+        poses=poses,
+    )
+
+
+def interrupted_before(path: Path) -> Prepared:
+    """The result for a problem that was interrupted before it was planned."""
+    return Prepared(path.stem, "gave up", reason="interrupted")
+
+
+def _poses(store: str, problem: Problem) -> KeptPoses | None:
+    """Bring the poses of a problem's measurements up to date in the store; None without a cell that says what arms do."""
+    path = Path(problem.domain.path).with_name(CELL_FILE)
+    if not problem.domain.path or not path.is_file():
+        return None
+    from engine.pipelines.poses.keeping import kept_poses  # geometry is slow to load
+    from engine.plugins import geometry_backend
+    from kb.loader.cell import load_cell
+
+    cell = load_cell(path)
+    if not cell.operations:
+        return None
+    found = kept_poses(store, problem, cell, geometry_backend())
+    reached = {each.measurement for each in found.poses.values() if each.reached}
+    return KeptPoses(len(reached), found.made, found.kept, found.unreached())
+
+
+def _kept(store: str, problem: Problem) -> KeptSequence:
+    """Bring the kept sequence of a problem's measurements up to date in the store, and report on it."""
+    found = carry_on(store, problem)
+    counts = {
+        "reordered": len(found.reordered),
+        "moved": len(found.moved),
+        "added": len(found.added),
+        "dropped": len(found.dropped),
+        "outdated": len(found.outdated),
+    }
+    changes = {what: count for what, count in counts.items() if count} if found.way != "made" else {}
+    return KeptSequence(found.way, len(found.plan.rest), changes)

@@ -1,0 +1,61 @@
+"""The servos of the witness: their gains, and where what they drive stands."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.pipelines.witness.tree import carriers_of
+from engine.stages.geometry import transforms
+from engine.stages.geometry.world.model import World
+from kb.model.cell import JointKind
+
+PACE = 40.0  # 1/s: how quickly the servos of an arm follow
+# A body is at its place within so many metres, and this share of its joint's range.
+NEAR_M, NEAR_SHARE = 0.03, 0.1
+SLIPPED_M, SLIPPED_RAD = 0.008, 0.35  # a hand turns by 0.12 on a lid that comes along
+
+
+def tuned(model: mujoco.MjModel, world: World) -> None:
+    """Give the servos of all arms, and of what carries them, the gains of one pace, critically damped for the inertia at rest.
+
+    The engine balances contacts before it adds the damping of the servos. If damping by far outweighs inertia in a time step, it
+    takes the arm for faster than it is, and what is gripped creeps between the fingers.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    arms = world.cell.arms.items()
+    joints = [f"{arm}/{joint.name}" for arm, mounted in arms for joint in mounted.arm.joints]
+    for name in (*joints, *sorted(carriers_of(world))):
+        number, dof = model.actuator(name).id, model.joint(name).dofadr[0]
+        inertia, only = np.zeros(model.nv), np.zeros(model.nv)
+        only[dof] = 1.0
+        mujoco.mj_mulM(model, data, inertia, only)
+        stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
+        model.actuator_gainprm[number, 0] = stiff
+        model.actuator_biasprm[number, 1:3] = -stiff, -damped
+
+
+def value_of(world: World, body: str) -> float:
+    """How far a body is along its guide."""
+    known: Any = world.cell.bodies[body]
+    moved = transforms.inverse(transforms.of_pose(known.placement.pose)) @ world.placed[body].T_parent_frame
+    slides = known.guide.kind is JointKind.PRISMATIC
+    along = moved[:3, 3] if slides else transforms.rotation_vector(moved[:3, :3])
+    return float(along @ np.array(known.guide.axis))
+
+
+def tolerance(world: World, body: str) -> float:
+    """How near to a value along its guide a body counts as being there (m or rad)."""
+    guide = world.cell.bodies[body].guide
+    assert guide is not None
+    near = NEAR_SHARE * abs(guide.upper - guide.lower)
+    return min(near, NEAR_M) if guide.kind is JointKind.PRISMATIC else near
+
+
+def slipped(T_before: Floats, T_now: Floats) -> bool:
+    """Whether a hand has moved along what it drags, or has turned on it: more than a grip gives way."""
+    turn = transforms.rotation_vector(T_before[:3, :3].T @ T_now[:3, :3])
+    along = np.linalg.norm(T_now[:3, 3] - T_before[:3, 3])
+    return bool(along > SLIPPED_M or np.linalg.norm(turn) > SLIPPED_RAD)

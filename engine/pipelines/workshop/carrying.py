@@ -1,0 +1,79 @@
+"""A planned carry, carried out: guarded on the way in, and felt all the way. It stops where something is not as planned."""
+
+from enum import StrEnum
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.pipelines.placing.answers import Carry, Leg
+from engine.pipelines.workshop.shop import Workshop
+
+GUARD_N = 15.0  # a push that stops the hand on its way to a part
+NARROW_M = 0.003  # jaws that close farther than this below the part's width hold something else, or nothing
+SHORT_M = 0.004  # a hand that stays so far before its goal has met something there
+
+
+class Went(StrEnum):
+    """How a carry ended: the replies of the fault base."""
+
+    DONE = "done"
+    TOUCHED = "touched"
+    NOT_GRIPPED = "not_gripped"
+    LOST = "lost"
+    BLOCKED = "blocked"
+
+
+def carry_out(shop: Workshop, part: str, carry: Carry) -> Went:
+    """Take a part and let it go as planned. After a failure the arm is where it can go on from: backed off, and empty."""
+    legs = {leg.what: leg for leg in carry.legs}
+    shop.open_for(carry.grasp.width_m)
+    shop.permit()
+    shop.follow(_own(shop, legs["to the part"]))
+    way_in = _own(shop, legs["approach"])
+    shop.permit(part)
+    if not shop.follow(way_in, lambda: shop.push_n() > GUARD_N):
+        _back(shop, way_in)
+        return Went.TOUCHED
+    if shop.close() < carry.grasp.width_m - NARROW_M or not shop.holds(part):
+        shop.open_for(carry.grasp.width_m)
+        _back(shop, way_in)
+        return Went.NOT_GRIPPED
+    shop.load = part
+    if not all(_full(shop, part, legs[name]) for name in ("lift", "carry", "lower")):
+        return Went.LOST
+    return _let_go(shop, part, carry, legs["withdraw"])
+
+
+def _full(shop: Workshop, part: str, leg: Leg) -> bool:
+    """Follow a leg with the part in the hand; whether it is still there. What the part stands on may be touched near it."""
+    shop.permit(*(shop.scene.cell.bodies if leg.what != "carry" else ()))
+    if shop.follow(_own(shop, leg), lambda: not shop.holds(part), carries=True):
+        return True
+    shop.open_for(shop.jaws.opening_m)
+    if leg.what == "lower":
+        _back(shop, _own(shop, leg))
+    return False
+
+
+def _let_go(shop: Workshop, part: str, carry: Carry, away: Leg) -> Went:
+    """Open the jaws where the carry ends, and withdraw."""
+    world = shop.stage.actual(shop.stage.world)
+    reached = world.pose("world", f"{shop.arm}.tool")[:3, 3]
+    wanted = (carry.T_world_to @ carry.T_part_hand)[:3, 3]
+    shop.open_for(carry.grasp.width_m)
+    shop.permit(part)
+    shop.follow(_own(shop, away))
+    return Went.BLOCKED if float(np.linalg.norm(reached - wanted)) > SHORT_M else Went.DONE
+
+
+def _own(shop: Workshop, leg: Leg) -> Floats:
+    """The path of the arm alone (m, k)."""
+    first = shop.stage.world.first_carriers[shop.arm]
+    return leg.path[:, first : first + len(shop.q)]
+
+
+def _back(shop: Workshop, way_in: Floats) -> None:
+    """Back on a way in, from wherever on it the hand stopped."""
+    apart = np.abs(way_in - shop.q).max(axis=1)
+    last = int(np.argmin(apart))
+    shop.follow(np.concatenate([shop.q[None], way_in[: last + 1][::-1]]))

@@ -1,0 +1,165 @@
+"""A cell that places parts by physics: what is believed of it, what steps, tests and repairs do in it, and what they answer.
+
+A step is planned on what is believed, and carried out in what is there. Tests and repairs really look, lift and close.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from engine.kernels.rigid import difference
+from engine.model.geometry import Floats
+from engine.model.vision import Located, Sighting
+from engine.pipelines.placing.answers import Carry
+from engine.pipelines.placing.doubt import brought, within_m
+from engine.pipelines.placing.looking import Looked
+from engine.pipelines.placing.ordering import Key, Ordered, key_of, move_of
+from engine.pipelines.placing.placing import STILL_M, STILL_RAD, likeliest
+from engine.pipelines.placing.site import Site
+from engine.pipelines.placing.yard import Move, Obstacle, Spot, Yard
+from engine.pipelines.workshop.carrying import Went, carry_out
+from engine.pipelines.workshop.eyes import Eyes
+from engine.pipelines.workshop.shop import Workshop
+from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
+from kb.asp import ground_term
+from kb.model.faults import FaultModel
+from kb.terms import Function
+
+NO_WAY = "no_way"  # no reply of the fault base: the order of the steps is made anew
+UNSURE = "unsure"  # the reply where a part may come to lie too far from its goal
+CLOSED_M = 0.003  # jaws that are nearer to each other hold nothing
+
+
+@dataclass
+class PlacingCell:
+    """The belief (`yard`, `spots`, `seen`), and the workshop where things are as they are. `model` is the domain's fault base."""
+
+    yard: Yard
+    shop: Workshop
+    eyes: Eyes
+    model: FaultModel
+    seen: dict[str, Sighting]
+    spots: dict[str, Spot]
+    known: dict[Key, tuple[Carry, ...]] = field(default_factory=dict)
+    about: str = ""  # the part of the last step
+    refused: Obstacle | None = None  # why a step has no motion
+
+    def expect(self, order: Ordered) -> None:
+        """The motions of a plan are carried out as they were proved, as long as they fit."""
+        spots, near = dict(self.spots), self.near()
+        for move, carries in order.moves:
+            self.known[key_of(move, spots, near)] = carries
+            spots[move.part], near = move.end, carries[-1].legs[-1].path[-1]
+
+    def take(self, text: str, expects: str) -> str | None:
+        """Carry out a step: its reply."""
+        step = _instance(text)
+        move = move_of(step)
+        self.about = move.part
+        carries = self._planned(move)
+        if isinstance(carries, Obstacle):
+            self.refused = carries
+            return NO_WAY
+        if move.end is Spot.GOAL and self._within_m(move, carries) > self.yard.site.scene.tolerance_m:
+            return UNSURE
+        for carry in carries:
+            went = carry_out(self.shop, move.part, carry)
+            if went is not Went.DONE:
+                return went
+        self.spots[move.part] = move.end
+        return expects or "done"
+
+    def _planned(self, move: Move) -> tuple[Carry, ...] | Obstacle:
+        near = self.near()
+        key = key_of(move, self.spots, near)
+        found = self.known.get(key) or self.yard.moved(move, self.spots, near)
+        if not isinstance(found, Obstacle):
+            self.known[key] = found
+        return found
+
+    def near(self) -> Floats:
+        """Where the arm is: all joints of the world (k,)."""
+        return self.yard.site.world.moved(self.shop.arm, self.shop.q).configuration
+
+    def _within_m(self, move: Move, carries: Sequence[Carry]) -> float:
+        """How far from its goal the part may come to lie."""
+        sighting = self.seen[move.part]
+        assert isinstance(sighting, Located)
+        return within_m(brought(sighting, carries, self.yard.pose(move.part, move.end)))
+
+    def missing(self, looked_at: Sequence[str]) -> str:  # noqa: ARG002 - the domain has no conditions that are watched
+        """The first of some facts that is not so; none is looked at here."""
+        return ""
+
+    def say(self, choices: Sequence[str]) -> str:
+        """What a person answers, who has looked and seen nothing else."""
+        return choices[-1] if choices else "done"
+
+    def answer(self, action: str) -> str:
+        """The outcome of a test or a repair."""
+        acts: Mapping[str, Callable[[], str]] = {
+            "look_again": self._look_again,
+            "look_from_the_hand": self._look_near,
+            "look_at_the_goal": self._look_at_goal,
+            "close_on_nothing": self._close,
+            "find_and_plan_anew": lambda: self._found(self.eyes.look(self.yard, self.spots, self.about)),
+            "correct_the_pose": lambda: self._found(self.eyes.look_near(self.yard, self.spots, self.about)),
+        }
+        if action in acts:
+            return acts[action]()
+        if action in self.model.tests:
+            return self.model.tests[action].otherwise
+        if action == "go_on_without":
+            self.spots.pop(self.about, None)
+        return NOT_CURED if action == "search_for_the_hole" else CURED
+
+    def _look_again(self) -> str:
+        looked = self.eyes.look(self.yard, self.spots, self.about)
+        if not isinstance(looked.sightings[self.about], Located):
+            return "nowhere"
+        return "elsewhere" if self._has_moved(looked) else "there"
+
+    def _look_near(self) -> str:
+        looked = self.eyes.look_near(self.yard, self.spots, self.about)
+        sighting, before = looked.sightings[self.about], self.seen[self.about]
+        if not isinstance(sighting, Located):
+            return "nothing"
+        surer = isinstance(before, Located) and np.trace(sighting.covariance) < np.trace(before.covariance)
+        return "corrected" if surer or self._has_moved(looked) else "as_before"
+
+    def _look_at_goal(self) -> str:
+        return "occupied" if self.eyes.goal_is_taken(self.yard, self.spots, self.about) else "free"
+
+    def _close(self) -> str:
+        width = self.shop.close()
+        self.shop.open_for(self.shop.jaws.opening_m)
+        return "closed" if width < CLOSED_M else "wrong"
+
+    def _has_moved(self, looked: Looked) -> bool:
+        sighting = looked.sightings[self.about]
+        assert isinstance(sighting, Located)
+        before = self.yard.site.found[self.about]
+        apart = [difference(before, looked.T_world_camera @ each) for each in sighting.equivalent]
+        return not any(metres < STILL_M and radians < STILL_RAD for metres, radians in apart)
+
+    def _found(self, looked: Looked) -> str:
+        """Believe what was seen of the part from now on; whether it was found."""
+        part, sighting = self.about, looked.sightings[self.about]
+        if not isinstance(sighting, Located):
+            return NOT_CURED
+        old = self.yard.site
+        T = likeliest(sighting, looked.T_world_camera, self.yard.goals[part])
+        world = old.world.put(part, "world", T)
+        site = Site(old.scene, world, self.eyes.wide(looked, old.looked), {**old.found, part: T})
+        asides = {name: at for name, at in self.yard.asides.items() if name != part}
+        self.yard = replace(self.yard, site=site, asides=asides)
+        self.seen[part], self.spots[part] = sighting, Spot.FOUND
+        self.known.clear()
+        return CURED
+
+
+def _instance(text: str) -> Function:
+    found = ground_term(text)
+    assert isinstance(found, Function)
+    return found

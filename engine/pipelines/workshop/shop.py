@@ -1,0 +1,203 @@
+"""A scene in MuJoCo: the arm with jaws that really close, parts that friction alone holds, and a camera that sees them.
+
+The controller knows the weight of what it believes to hold. Between what it knows and what is there, nothing is shared.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.model.grasping import ParallelJaws
+from engine.model.moves import Leg, LegKind
+from engine.pipelines.moves.hands import corners_s
+from engine.pipelines.placing.holding import HAND, jaws_of
+from engine.pipelines.witness.stage import Stage
+from engine.pipelines.witness.touches import body_of
+from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.solids import solid_of
+from engine.stages.geometry.world.model import World
+from engine.stages.grasping.placements import volume_and_centre
+from kb.model.cell import Body, BodyKind, Cell, Guide, JointKind, Placement
+from kb.model.scene import Scene
+from kb.model.shapes import Box, PlacedShape, Pose
+
+LEFT, RIGHT = f"{HAND}_left", f"{HAND}_right"
+FINGER_KG, PALM_KG = 0.1, 0.5
+SETTLE_S, CLOSE_S = 0.3, 0.7  # until the servos have caught up, and until the jaws have opened or closed
+EMPTY_FACTOR, CARRY_FACTOR = 0.6, 0.3  # shares of the full speed and acceleration
+GRAVITY = 9.81  # m/s2
+FLOOR_M = -0.5  # what is lower has fallen from the table
+
+
+class Workshop:
+    """The scene while time goes on. `q` (k,) is where the arm is told to be."""
+
+    def __init__(self, scene: Scene, poses: Mapping[str, Floats] | None = None) -> None:
+        self.scene, self.arm, self.jaws = scene, scene.hand.arm, jaws_of(scene)
+        world = World.of(_with_jaws(scene, self.jaws))
+        for name, T in (poses or {}).items():
+            world = world.put(name, "world", T)
+        self.stage = Stage(world)
+        self.q = world.configurations[self.arm]
+        self.load = ""
+        self._press(self.jaws.force_n)
+        self.wait(SETTLE_S)
+
+    @property
+    def seconds(self) -> float:
+        """The time that has passed."""
+        return float(self.stage.data.time)
+
+    def pose(self, body: str) -> Floats:
+        """T_world_body (4, 4), as it really is."""
+        return self.stage.pose(body)
+
+    def world(self) -> World:
+        """The scene's world with all parts where they really are; what has fallen from the table is not in it."""
+        world = World.of(self.scene.cell)
+        gone = [name for name in self._parts() if self.pose(name)[2, 3] < FLOOR_M]
+        bodies = {name: body for name, body in world.cell.bodies.items() if name not in gone}
+        world = replace(world, cell=replace(world.cell, bodies=bodies))
+        for name in self._parts():
+            if name not in gone:
+                world = world.put(name, "world", self.pose(name))
+        return world
+
+    def _parts(self) -> Iterator[str]:
+        return (name for name, body in self.scene.cell.bodies.items() if body.kind is BodyKind.PART)
+
+    def follow(self, path: Floats, until: Callable[[], bool] | None = None, carries: bool = False) -> bool:
+        """The arm follows a path (m, k); False if `until` became true on the way, where the arm then stays."""
+        mounted = self.scene.cell.arms[self.arm]
+        factor = CARRY_FACTOR if carries else EMPTY_FACTOR
+        leg = Leg(LegKind.WAY, self.arm, path, corners_s(mounted.arm, path, factor), True)
+        began = self.seconds
+        while (t := self.seconds - began) < leg.seconds:
+            self._aim(leg.at(t))
+            self._tick()
+            if until is not None and until():
+                return False
+        self._aim(path[-1])
+        self.wait(SETTLE_S)
+        return until is None or not until()
+
+    def _aim(self, q: Floats) -> None:
+        self.q = q
+        for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q, strict=True):
+            self.stage.aim(f"{self.arm}/{joint.name}", float(value))
+
+    def open_for(self, width_m: float) -> None:
+        """The jaws open for a width, with the clearance beside it on either side; whatever they held is let go."""
+        self.load = ""
+        self._jaws_to(self.jaws.opening_m / 2 - width_m / 2)
+
+    def close(self) -> float:
+        """The jaws close until they meet something, or each other; how far apart they are then (m)."""
+        self._jaws_to(self.jaws.opening_m / 2 + self.jaws.clearance_m)
+        return self.width_m
+
+    def _jaws_to(self, way_m: float) -> None:
+        for name in (LEFT, RIGHT):
+            self.stage.aim(name, max(way_m, 0.0))
+        self.wait(CLOSE_S)
+
+    @property
+    def width_m(self) -> float:
+        """How far the jaws are apart, as their sensor reads it."""
+        return self.jaws.opening_m + 2 * self.jaws.clearance_m - 2 * self.stage.value(LEFT)
+
+    def _press(self, force_n: float) -> None:
+        for name in (LEFT, RIGHT):
+            number = self.stage.model.actuator(name).id
+            self.stage.model.actuator_forcerange[number] = -force_n, force_n
+
+    def wait(self, seconds: float) -> None:
+        """Time goes on, and everything aims where it aimed."""
+        until = self.seconds + seconds
+        while self.seconds < until:
+            self._tick()
+
+    def _tick(self) -> None:
+        self._bear()
+        self.stage.tick()
+
+    def _bear(self) -> None:
+        """The drives bear the weight of what is believed to be in the hand."""
+        model, data = self.stage.model, self.stage.data
+        data.qfrc_applied[:] = 0.0
+        if not self.load:
+            return
+        mass = float(model.body(self.load).mass[0])
+        jacobian = np.zeros((3, model.nv))
+        mujoco.mj_jac(model, data, jacobian, None, data.body(self.load).xipos, model.body(HAND).id)
+        joints = self.scene.cell.arms[self.arm].arm.joints
+        own = [int(model.joint(f"{self.arm}/{each.name}").dofadr[0]) for each in joints]
+        data.qfrc_applied[own] = jacobian[2, own] * mass * GRAVITY
+
+    def permit(self, *others: str) -> None:
+        """What the hand, and what it holds, may touch from now on; every other contact is noted by the stage."""
+        self.stage.held = frozenset([self.load] if self.load else [])
+        self.stage.allowed = frozenset(others)
+
+    def push_n(self) -> float:
+        """How hard the hand is pushed by anything (N)."""
+        return sum(force for names, force in self._touches() if self._is_hand(names))
+
+    def _is_hand(self, names: frozenset[str]) -> bool:
+        return bool(names & {HAND, LEFT, RIGHT}) and not names <= {HAND, LEFT, RIGHT}
+
+    def holds(self, part: str) -> bool:
+        """Whether both jaws press on a part."""
+        pressing = {name for names, _ in self._touches() if part in names for name in names - {part}}
+        return {LEFT, RIGHT} <= pressing
+
+    def _touches(self) -> Iterator[tuple[frozenset[str], float]]:
+        """The bodies that touch each other, and the force of each contact (N)."""
+        stage, force = self.stage, np.zeros(6)
+        for number in range(stage.data.ncon):
+            contact = stage.data.contact[number]
+            mujoco.mj_contactForce(stage.model, stage.data, number, force)
+            yield frozenset(body_of(stage.model, geom) for geom in contact.geom), abs(float(force[0]))
+
+
+def _with_jaws(scene: Scene, jaws: ParallelJaws) -> Cell:
+    """The scene's cell with the gripper as three bodies, two of which slide; parts have the scene's density and friction."""
+    cell, arm = scene.cell, scene.hand.arm
+    mounted = cell.arms[arm]
+    bodies = {name: _heavy(scene, body) for name, body in cell.bodies.items()}
+    middles, halves = jaws.blocks((jaws.opening_m,))
+    blocks = [
+        PlacedShape(Box(tuple(2 * half)), Pose(tuple(middle)))
+        for middle, half in zip(middles, halves, strict=True)
+    ]
+    at = Placement(f"{arm}.flange", mounted.tool)
+    bodies[HAND] = Body(HAND, BodyKind.TOOL, at, tuple(blocks[2:]), mass_kg=PALM_KG)
+    most = jaws.opening_m / 2 + jaws.clearance_m
+    for name, block, along in ((LEFT, blocks[0], 1.0), (RIGHT, blocks[1], -1.0)):
+        guide = Guide(JointKind.PRISMATIC, (along, 0.0, 0.0), 0.0, most, "" if name == LEFT else LEFT)
+        bodies[name] = Body(
+            name, BodyKind.TOOL, at, (block,), guide=guide, mass_kg=FINGER_KG, friction=jaws.friction
+        )
+    hands = (HAND, LEFT, RIGHT)
+    near = {frozenset((each, f"{arm}.{link.name}")) for each in hands for link in mounted.arm.links[-2:]}
+    own = {frozenset((one, other)) for one in hands for other in hands if one != other}
+    return replace(cell, bodies=bodies, allowed=cell.allowed | near | own)
+
+
+def _heavy(scene: Scene, body: Body) -> Body:
+    if body.kind is not BodyKind.PART or not body.shapes:
+        return body
+    mass = volume_and_centre(solid_of(body))[0] * scene.density
+    friction = scene.hand.friction if body.friction is None else body.friction
+    return replace(body, mass_kg=mass if body.mass_kg is None else body.mass_kg, friction=friction)
+
+
+def turned(T: Floats, along: tuple[float, float], turn_rad: float) -> Floats:
+    """A pose (4, 4) that was shifted in the plane (m) and turned about the vertical."""
+    found = T.copy()
+    found[:3, :3] = transforms.rotation((0.0, 0.0, 1.0), turn_rad)[:3, :3] @ T[:3, :3]
+    found[:2, 3] += along
+    return found

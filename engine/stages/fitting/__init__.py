@@ -1,0 +1,1 @@
+"""Shapes fitted to measured points, and parts aligned by their datums: robust first, then least squares, with covariance."""

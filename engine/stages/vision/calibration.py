@@ -1,0 +1,130 @@
+"""Calibration of a range finder, and of where it stands: what it errs by, and its pose in the world of the arm.
+
+The range finder is shown a flat plate at known distances. For its pose the arm holds a known target at known poses of the hand;
+where the target sits in the hand is found out, too (robot-world and hand-eye calibration, AX = YB; Dornaika & Horaud 1998).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from engine.kernels.rigid import inverse, rotation_vector, transform, turned
+from engine.model.geometry import Floats
+from engine.model.vision import DepthImage, Located
+
+FEWEST = 3  # poses of the hand, distances of the plate, or pixels that show it
+CONDITION = 3e13  # of the normal equations: beyond it, rounding decides what the images do not tell
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RangeCalibration:
+    """A measured depth is `offset_m` + `scale` times the true one; `covariance` (2, 2) is that of both.
+
+    `noise_m` is the standard deviation of one depth, `dropouts` the share of the pixels without one.
+    """
+
+    offset_m: float
+    scale: float
+    covariance: Floats
+    noise_m: float
+    dropouts: float
+
+    def corrected(self, image: DepthImage) -> DepthImage:
+        """An image with true depths."""
+        depth = np.where(image.depth > 0, (image.depth - self.offset_m) / self.scale, 0.0)
+        return DepthImage(image.camera, np.maximum(depth, 0.0), self.noise_m / self.scale)
+
+
+def calibrated_range(images: Sequence[DepthImage], distances_m: Sequence[float]) -> RangeCalibration:
+    """What a range finder errs by, from images of a flat plate across its axis at known distances.
+
+    The plate fills the picture, and may lean a little. Raises `ValueError` for fewer than three different distances, and
+    for an image without a plate.
+    """
+    true = np.array(distances_m, dtype=float)
+    if len(set(true.tolist())) < FEWEST:
+        raise ValueError(f"at least {FEWEST} different distances are needed")
+    for number, each in enumerate(images, 1):
+        if np.count_nonzero(each.depth > 0) < FEWEST:
+            raise ValueError(f"image {number} shows no plate")
+    found = [_axial(each) for each in images]
+    middle, rest = (np.array([each[n] for each in found]) for n in (0, 1))
+    A = np.stack([np.ones(len(true)), true], axis=1)
+    noise = float(np.sqrt((rest**2).mean()))
+    (offset, scale), *_ = np.linalg.lstsq(A, middle, rcond=None)
+    own = noise**2 / np.mean([each[2] for each in found])
+    left = float(((middle - A @ [offset, scale]) ** 2).sum()) / max(len(true) - 2, 1)
+    covariance = np.linalg.inv(A.T @ A) * max(own, left)
+    lost = float(np.mean([(each.depth <= 0).mean() for each in images]))
+    return RangeCalibration(float(offset), float(scale), covariance, noise, lost)
+
+
+def _axial(image: DepthImage) -> tuple[float, float, int]:
+    """The depth of a plate on the axis of the camera, the standard deviation beside it, and the number of pixels seen."""
+    v, u = np.nonzero(image.depth > 0)
+    depth = image.depth[v, u]
+    rays = image.camera.rays(u.astype(float), v.astype(float))
+    # On a plane the inverse depth is linear in the picture, whichever way the plane leans.
+    A = np.stack([np.ones(len(u)), rays[:, 0], rays[:, 1]], axis=1)
+    coefficients, *_ = np.linalg.lstsq(A, 1.0 / depth, rcond=None)
+    return 1.0 / float(coefficients[0]), float((depth - 1.0 / (A @ coefficients)).std()), len(u)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraCalibration:
+    """Where a camera stands: `T_world_camera`, and where the target sat in the hand: `T_hand_target`.
+
+    `covariance` (6, 6) is that of a displacement of the camera (m) and of its turn (rad) about its own origin, along the axes of
+    the world. `misfit` is the mean square of what is left, in its own standard deviations: about 1 if all is as assumed.
+    """
+
+    T_world_camera: Floats
+    T_hand_target: Floats
+    covariance: Floats
+    misfit: float
+    images: int
+
+
+def calibrated_camera(
+    T_world_hand: Sequence[Floats],
+    sightings: Sequence[Located],
+    T_world_camera: Floats,
+    T_hand_target: Floats,
+) -> CameraCalibration:
+    """The pose of a camera from sightings of a target in the hand, beginning with what is believed of both.
+
+    Raises `ValueError` for fewer than three poses of the hand, or if these turn too little to tell.
+    """
+    if len(sightings) < FEWEST:
+        raise ValueError(f"the target was found at {len(sightings)} poses of the hand; {FEWEST} are needed")
+    weights = [np.linalg.inv(np.linalg.cholesky(each.covariance)) for each in sightings]
+
+    def rest(x: Floats) -> Floats:
+        back, held = inverse(_shifted(T_world_camera, x[:6])), _shifted(T_hand_target, x[6:])
+        return np.concatenate(
+            [
+                weight @ _apart(back @ hand @ held, each.best.T_camera_part)
+                for hand, each, weight in zip(T_world_hand, sightings, weights, strict=True)
+            ]
+        )
+
+    solved = least_squares(rest, np.zeros(12), x_scale="jac")
+    information = solved.jac.T @ solved.jac
+    if np.linalg.cond(information) > CONDITION:
+        raise ValueError("the hand turned too little between the images to tell where the camera stands")
+    misfit = float(2 * solved.cost / max(6 * len(sightings) - 12, 1))
+    covariance = np.linalg.inv(information)[:6, :6] * max(misfit, 1.0)
+    camera, target = _shifted(T_world_camera, solved.x[:6]), _shifted(T_hand_target, solved.x[6:])
+    return CameraCalibration(camera, target, covariance, misfit, len(sightings))
+
+
+def _shifted(T: Floats, x: Floats) -> Floats:
+    """A pose that is displaced by x[:3], and turned about its own origin by the vector x[3:]."""
+    return transform(turned(x[3:]) @ T[:3, :3], T[:3, 3] + x[:3])
+
+
+def _apart(expected: Floats, seen: Floats) -> Floats:
+    """The displacement and turn (6,) between two poses, along the axes of the camera."""
+    return np.concatenate([expected[:3, 3] - seen[:3, 3], rotation_vector(expected[:3, :3] @ seen[:3, :3].T)])

@@ -1,0 +1,94 @@
+"""Assemblies and single parts, carried out in MuJoCo (the extra `mujoco`): what is planned comes true, and faults are met."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.pipelines.placing.answers import Placed
+from engine.pipelines.placing.assembling import Built, assemble
+from engine.pipelines.placing.placing import place
+from kb.loader import load_domain
+from kb.loader.scene import load_scene
+from kb.model.scene import Scene
+from kb.targets import BUNDLED
+
+running = pytest.importorskip("engine.pipelines.workshop.running", exc_type=ImportError)
+DOMAIN = load_domain("handey")
+FIVE = load_scene(BUNDLED / "handey" / "scenes" / "five.yaml")
+SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
+NEAR_M = 0.003
+
+
+def related(scene: Scene, *parts: str) -> Scene:
+    """The scene with the relations of some parts only."""
+    keep = [each for each in scene.relations if {each.first[0], each.second[0]} <= {*parts, "base"}]
+    return replace(scene, relations=tuple(keep))
+
+
+@pytest.fixture(scope="module")
+def two() -> Built:
+    """Two walls of the bundled assembly."""
+    made, _ = assemble(related(FIVE, "wall_1", "wall_2"), DOMAIN, "base")
+    assert isinstance(made, Built)
+    return made
+
+
+def test_a_part_is_placed_by_friction_alone_within_three_millimetres() -> None:
+    found, _ = place(SCENE, "angle", "base")
+    assert isinstance(found, Placed)
+    went, (metres, radians) = running.brought(SCENE, "angle", found)
+    assert went is running.Went.DONE
+    assert metres < NEAR_M
+    assert radians < np.radians(1)
+
+
+@pytest.mark.slow
+def test_five_parts_are_assembled_and_nothing_touches_unplanned() -> None:
+    made, _ = assemble(FIVE, DOMAIN, "base")
+    assert isinstance(made, Built)
+    done = running.executed(made, DOMAIN)
+    assert [run.outcome for run in done.runs] == ["reached"]
+    assert not done.touched
+    assert len(done.off) == 5
+    assert all(metres < NEAR_M for metres, _ in done.off.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shift", [(0.03, 0.02, 0.4), (0.008, 0.003, 0.0), (-0.02, 0.0, 0.2)])
+def test_a_part_that_was_moved_after_it_was_seen_is_found_again_and_placed(
+    two: Built, shift: tuple[float, float, float]
+) -> None:
+    x, y, turn = shift
+    done = running.executed(two, DOMAIN, [running.Shift("wall_2", (x, y), turn)])
+    assert done.runs[-1].outcome == "reached"
+    assert all(metres < NEAR_M for metres, _ in done.off.values())
+    assert sum(run.exceptions for run in done.runs) >= 1
+
+
+@pytest.mark.slow
+def test_a_part_that_was_taken_away_is_told_missing_and_the_rest_is_built(two: Built) -> None:
+    done = running.executed(two, DOMAIN, [running.Shift("wall_1", away=True)])
+    assert done.runs[-1].outcome == "partly"
+    assert any("part_missing" in each for run in done.runs for each in run.story)
+    assert set(done.off) == {"wall_2"}
+
+
+@pytest.mark.slow
+def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two: Built) -> None:
+    """The tolerance lies between what the first look and a nearer one allow."""
+    from engine.pipelines.placing.doubt import brought, within_m
+    from engine.pipelines.workshop.cell import PlacingCell
+
+    assert PlacingCell
+    yard = two.yard
+    doubts = {
+        move.part: within_m(brought(two.looked.sightings[move.part], carries, yard.goals[move.part]))
+        for move, carries in two.moves
+    }
+    part, most = max(doubts.items(), key=lambda each: each[1])
+    scene = replace(yard.site.scene, tolerance_m=most * 0.9)
+    strict = replace(two, yard=replace(yard, site=replace(yard.site, scene=scene)))
+    done = running.executed(strict, DOMAIN)
+    assert done.runs[-1].outcome == "reached", done.runs
+    assert any("place_unsure" in each and part in each for run in done.runs for each in run.story)

@@ -1,0 +1,13 @@
+"""Steps that cannot be taken: what is said of them."""
+
+from engine.pipelines.planning import problem_of
+from engine.pipelines.simulation import Dynamics
+from kb.terms import Function
+
+
+def test_a_refusal_names_what_does_not_hold_and_nothing_else() -> None:
+    dynamics, step = Dynamics(problem_of("themse/one")), Function("open_drawer")
+    start = dynamics.start()
+    assert dynamics.refusal(step, start) == ""
+    opened = dynamics.after(step, start)
+    assert dynamics.refusal(step, opened) == "its precondition does not hold: position(drawer, closed)"
