@@ -71,3 +71,13 @@ Library = Annotated[
         help="a library of MACROPs: a file, or postgresql://USER@HOST/DATABASE",
     ),
 ]
+Cluster = Annotated[
+    str,
+    typer.Option(
+        metavar="ADDRESS",
+        help="a Dask cluster that does the work, by the HOST:PORT of its scheduler; it sees the same files and store",
+    ),
+]
+Jobs = Annotated[
+    int, typer.Option(min=0, help="number of processes; 0 means as many as there are processors")
+]
