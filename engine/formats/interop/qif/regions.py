@@ -53,7 +53,11 @@ def rows(polygons: Sequence[Floats], count: int) -> tuple[Floats, Floats]:
     p, q = a[side], b[side]
     xs = p[:, 0] + (ys[row] - p[:, 1]) * (q[:, 0] - p[:, 0]) / (q[:, 1] - p[:, 1])
     order = np.lexsort((xs, row))
-    first, last, row = xs[order[::2]], xs[order[1::2]], row[order[::2]]  # closed polygons cross a row an even number of times
+    first, last, row = (
+        xs[order[::2]],
+        xs[order[1::2]],
+        row[order[::2]],
+    )  # closed polygons cross a row an even number of times
     wide = last > first
     first, length, row = first[wide], (last - first)[wide], row[wide]
     number = np.maximum(1, np.rint(length / step)).astype(int)
