@@ -28,7 +28,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cluster_mishaps import VICTIMS, Cluster, Trial, knowledge, tried
+from cluster_mishaps import VICTIMS, Trial, knowledge, tried
+from clusters import Cluster
 from postgres import PROGRAMS, Server, server
 
 ROOT = Path(__file__).parents[1]

@@ -30,6 +30,8 @@ REACHED_S, ANSWERED_S, STAFFED_S = (
 COUNTED_S = 2.0  # between two counts of the workers
 ASKED_S = 0.2  # between two looks of a worker whether its unit is still wanted
 SCHEMES = ("tcp", "tls")
+_NO_SCHEDULER = "what answers there is no scheduler of Dask"
+_START = "start one with `dask scheduler` and `dask worker ADDRESS`"
 
 
 @contextlib.contextmanager
@@ -42,8 +44,7 @@ def connected(address: str) -> "Iterator[Workers]":
     try:
         client = distributed.Client(where, timeout=ANSWERED_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        hint = "start one with `dask scheduler` and `dask worker ADDRESS`"
-        raise _refusal(address, "what answers there is no scheduler of Dask", hint) from error
+        raise _refusal(address, _NO_SCHEDULER, _START) from error
     try:
         _require_workers(client, address)
         yield Workers(client, address)
@@ -81,11 +82,23 @@ def require_open(address: str) -> None:
         hint = "install the extra: pip install 'cellwright[cluster]'"
         raise _refusal(address, "the package for clusters is not installed", hint, "K414")
     try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=REACHED_S).close()
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=REACHED_S) as line:
+            _require_greeting(address, line)
     except (OSError, UnicodeError) as error:
         why = getattr(error, "strerror", "") or str(error) or "no answer"
         hint = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave out --cluster"
         raise _refusal(address, f"no cluster answers: {why.lower()}", hint) from None
+
+
+def _require_greeting(address: str, line: socket.socket) -> None:
+    """Look whether who listens speaks first, as a scheduler does; with TLS it does not."""
+    if address.startswith("tls"):
+        return
+    line.settimeout(ANSWERED_S)
+    with contextlib.suppress(TimeoutError, ConnectionError):
+        if line.recv(1):
+            return
+    raise _refusal(address, _NO_SCHEDULER, _START)
 
 
 def _require_workers(client: "distributed.Client", address: str) -> None:

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +20,7 @@ pytest.importorskip("distributed", reason="the extra 'cluster' is not installed"
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    from benchmarks.cluster_mishaps import Cluster
+    from benchmarks.clusters import Cluster
 
     with Cluster.started(Path(__file__).parents[3], 2) as started:
         yield started
@@ -51,15 +50,8 @@ def test_workers_hear_that_a_unit_is_not_wanted_any_more(cluster: Any, tmp_path:
     assert results(kind(), units(tmp_path, "a"), crew) == {"a": "done a"}
 
 
-def test_what_listens_without_being_a_scheduler_is_told(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as deaf:
-        crew = crew_of(0, f"127.0.0.1:{deaf.getsockname()[1]}")
-        with pytest.raises(InvalidInput, match="no scheduler of Dask"):
-            results(kind(), units(tmp_path, "a"), crew)
-
-
 def test_a_scheduler_that_ends_is_told_and_what_is_finished_is_kept(tmp_path: Path) -> None:
-    from benchmarks.cluster_mishaps import Cluster
+    from benchmarks.clusters import Cluster
 
     asked = units(tmp_path, "a", "wait")
     with Cluster.started(Path(__file__).parents[3], 1) as own:

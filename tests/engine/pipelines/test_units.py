@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -155,6 +156,14 @@ def test_an_address_without_a_cluster_is_told_at_once(address: str, said: str) -
     with pytest.raises(InvalidInput, match=said):
         crew_of(1, address)
     assert time.monotonic() - began < 10
+
+
+def test_what_listens_without_being_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    monkeypatch.setattr("engine.pipelines.units.cluster.ANSWERED_S", 0.2)
+    deaf = socket.create_server(("127.0.0.1", 0))
+    with deaf, pytest.raises(InvalidInput, match="no scheduler of Dask"):
+        crew_of(0, f"127.0.0.1:{deaf.getsockname()[1]}")
 
 
 def test_a_missing_extra_is_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
