@@ -1,6 +1,8 @@
 """Parts aligned by what was measured on them: datums from a problem and the results of a run, and the problem moved accordingly."""
 
-import shutil
+import json
+import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,10 +20,13 @@ from engine.model.measurement import MeasurementPoint, Triple
 from engine.pipelines.inspection.places import with_places
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
+from kb.loader import domain_of
 from kb.model.problem import Problem
 from kb.model.results import Measured, Results
+from kb.targets import DOMAIN_FILE
 
 HINT = "name the problem that was run, and results that `cellwright results -o` has written"
+DOMAIN = re.compile(r"""^(domain:[ \t]*)("[^"\n]*"|'[^'\n]*'|[^#\n]*?)([ \t]*(?:#.*)?)$""", re.MULTILINE)
 PROFILE = "profile"  # the kind of measurement that tells how far a surface is from where it should be
 
 
@@ -83,12 +88,30 @@ def write_moved(problem: Problem, T: Floats, target: Path) -> int:
         )
     copy = target.with_name(f".{target.stem}.moved{target.suffix}")
     try:
-        shutil.copyfile(problem.path, copy)
+        copy.write_text(_settled(problem, copy), "utf-8")
         rewrite(copy, "replaced", moved)
         copy.replace(target)
     finally:
         copy.unlink(missing_ok=True)
     return len(found)
+
+
+def _settled(problem: Problem, copy: Path) -> str:
+    """The text of a problem file for another place; its domain is named so that it is found from there.
+
+    Raises `InvalidInput`.
+    """
+    source, text = Path(problem.path), read_file(Path(problem.path)).text
+    domain = domain_of(str(source)).resolve()
+    copy.write_text(text, "utf-8")
+    try:
+        if domain_of(str(copy)).resolve() == domain:
+            return text
+    except InvalidInput:
+        pass
+    near = Path(os.path.relpath(domain.parent, copy.parent.resolve())).as_posix()
+    named = near if domain.name == DOMAIN_FILE else f"{near}/{domain.name}"
+    return DOMAIN.sub(lambda found: f"{found[1]}{json.dumps(named)}{found[3]}", text, count=1)
 
 
 def _moved(point: MeasurementPoint, T: Floats) -> MeasurementPoint:

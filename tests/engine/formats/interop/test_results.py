@@ -18,7 +18,7 @@ NUMBERS = st.floats(-1e9, 1e9) | st.integers(-1000, 1000).map(float)
 MAYBE = st.none() | NUMBERS
 MEASURED = st.builds(
     Measured, TEXTS, TEXTS, NUMBERS, st.sampled_from(["um", "mm", "g", "N cm"]), MAYBE, MAYBE, MAYBE, TEXTS, TEXTS,
-    st.integers(0, 10**9),
+    st.integers(0, 10**9), st.none() | st.floats(0, 1e6), st.none() | st.integers(1, 49).map(float),
 )  # fmt: skip
 TREATED = st.builds(
     Treated, TEXTS, TEXTS, st.integers(0, 99), st.integers(0, 99), st.lists(TEXTS, max_size=2).map(tuple)
@@ -41,6 +41,9 @@ SOME = Results(
         Measured("b1", "torque", 148, "N*cm", 150, 140, 160, "capper", "tighten(b1)", 50_000),
         Measured("b2", "torque", 148, "N*cm", 150, None, None, "", "tighten(b2)", 51_000),
         Measured("b3", "torque", 12, "mm", None, 10, None, "", "tighten(b3)", 51_000),
+        Measured("m6", "thickness", 99, "um", 100, 90, 110, "us_probe", "us_measure(m6)", 52_000, 8.0, 5.0),
+        Measured("m7", "thickness", 109, "um", 100, 90, 110, "us_probe", "us_measure(m7)", 53_000, 8.0),
+        Measured("m8", "thickness", 120, "um", 100, 90, 110, "us_probe", "us_measure(m8)", 54_000, 8.0),
     ),
 )
 
@@ -64,10 +67,12 @@ def test_a_verdict_is_written_for_people_and_other_programs() -> None:
     assert table[1].startswith(
         "monday_1,2026-11-22T10:00:00+00:00,42000,m1,thickness,6342.5,um,6350,6340,6360,yes"
     )
-    assert [line.split(",")[10] for line in table[1:]] == ["yes", "no", "", "yes", "", "yes"]
+    assert [line.split(",")[10] for line in table[1:]] == ["yes", "no", "", "yes", "", "yes", "yes", "yes", "no"]
+    assert [line.split(",")[-1] for line in table[-3:]] == ["conforming", "undecided", "not conforming"]
     root = ElementTree.fromstring(written(SOME, ResultForm.QIF).encode())
     told = [each.text for each in root.iter(f"{SPACE}CharacteristicStatusEnum")]
-    assert told == ["PASS", "FAIL", "NOT_ANALYZED", "PASS", "NOT_ANALYZED", "PASS"]
+    assert told[:6] == ["PASS", "FAIL", "NOT_ANALYZED", "PASS", "NOT_ANALYZED", "PASS"]
+    assert told[6:] == ["PASS", "INDETERMINATE", "FAIL"]
     assert [each.text for each in root.iter(f"{SPACE}InspectionStatusEnum")] == ["FAIL"]
 
 
