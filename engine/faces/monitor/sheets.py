@@ -13,7 +13,8 @@ import numpy as np
 
 from engine.faces.monitor.solids import Solids, solids_of
 from engine.formats.interop.inspections import import_file, rewrite
-from engine.formats.interop.measurements import atoms, points
+from engine.formats.interop.measurements import atoms
+from engine.pipelines.inspection.points import points
 from engine.kernels.linear import matmul
 from engine.model.measurement import MeasurementPoint
 from engine.model.measurements import measurements_of

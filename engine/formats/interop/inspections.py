@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from engine.formats.interop import editing
-from engine.formats.interop.measurements import all_facts, names, points, problem_text
+from engine.formats.interop.measurements import all_facts, names, problem_text
 from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.model.measurements import measurements_of

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
 from engine.pipelines.simulator.hidden import HiddenCell, Injection
@@ -22,6 +23,9 @@ from kb.loader.faults import load_faults
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem
 from kb.numbers import NumberError, decimal, is_count
+
+if TYPE_CHECKING:
+    from engine.pipelines.simulator.truth import Truth
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
 
@@ -184,7 +188,7 @@ class Simulator:
             return f"not({broken})"
         match command.kind:
             case CommandKind.STEP:
-                return self.cell.take(command.action, command.expects)
+                return self.cell.take(command.action, command.expects, command.part)
             case CommandKind.TEST | CommandKind.REPAIR:
                 return self.cell.answer(command.action)
             case _:
@@ -247,15 +251,25 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 
 def simulator(setup: DriverSetup) -> Simulator:
-    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log. Raises `InvalidInput`."""
+    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth. Raises `InvalidInput`."""
     settings = settings_of(setup)
     cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
+    cell.truth = truth_of(setup)
     return Simulator(cell, settings)
+
+
+def truth_of(setup: DriverSetup) -> "Truth | None":
+    """The hidden truth of the part that a file says; None without such a file. Raises `InvalidInput`."""
+    if "truth" not in setup.options:
+        return None
+    from engine.pipelines.simulator.truth import read_truth  # it needs numpy
+
+    return read_truth(setup.options["truth"], setup.problem, setup.seed)
 
 
 def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
     """How a simulated cell behaves. `more` are options that its driver has beside these. Raises `InvalidInput`."""
-    known = ("spread", "lookahead", "fault", "log", *more)
+    known = ("spread", "lookahead", "fault", "log", "truth", *more)
     if unknown := [name for name in setup.options if name not in known]:
         hint = f"one of: {', '.join(known)}"
         raise InvalidInput(

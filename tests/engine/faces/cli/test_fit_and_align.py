@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from engine.faces.cli import app
-from engine.formats.interop.measurements import points
+from engine.pipelines.inspection.points import points
 from engine.formats.interop.results import ResultForm, written
 from engine.kernels.rigid import transform, turned
 from engine.model.measurement import MeasurementPoint
