@@ -1,6 +1,8 @@
 """What was measured of a feature, taken together: its value, how sure it is, what it shows, and what of it does not count."""
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from kb.model.conformity import COVERAGE, RISK, Conformity, conformity
 from kb.model.results import Measured
@@ -57,3 +59,34 @@ class Feature:
     def sigma(self) -> float:
         """The standard deviation of the value; 0 if it is not known."""
         return (self.uncertainty or 0.0) / COVERAGE
+
+
+@dataclass(frozen=True, slots=True)
+class Unmeasured:
+    """A measurement that a problem has and a run has not made, and why."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What a run has shown of a part: its features, what was not measured, and where the part lay.
+
+    `places` are where features are, in metres in the frame of the part. `part` is the displacement of the part, three rows of
+    four numbers; empty if it was not looked for. `refused` says why its datums fit nowhere, if they did not. `wrong` are datums that disagree.
+    """
+
+    features: tuple[Feature, ...]
+    unmeasured: tuple[Unmeasured, ...] = ()
+    places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    part: tuple[float, ...] = ()
+    datums: int = 0
+    wrong: tuple[str, ...] = ()
+    refused: str = ""
+
+    def counts(self) -> dict[str, int]:
+        """How many features there are of each verdict, the most frequent first; those that were not measured are among them."""
+        found = Counter(each.judged for each in self.features)
+        found.update({"not measured": len(self.unmeasured)} if self.unmeasured else {})
+        return dict(sorted(found.items(), key=lambda each: (-each[1], each[0])))

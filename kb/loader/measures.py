@@ -66,7 +66,7 @@ class MeasureReader:
                     self.names.findings.add(expression.place(variable), "K105", message, hint)
 
     def _refuse_nonsense(self) -> None:
-        for place, message, hint in _nonsense(self.given):
+        for place, message, hint in (*_nonsense(self.given), *_unsure(self.given)):
             self.names.findings.add(place.node.where, "K316", message, hint)
 
 
@@ -79,13 +79,21 @@ def _nonsense(given: dict[str, Expression]) -> Iterator[tuple[Expression, str, s
         yield tolerance, "a tolerance without a nominal value", "add `nominal`, or give `lower` and `upper`"
     if tolerance is not None and tolerance.value == Number(0):
         yield tolerance, "nothing passes a tolerance of 0", "give how wide the zone is"
-    if "uncertainty" not in given:
-        for name in ("risk", "worth"):
-            if name in given:
-                yield given[name], f"a {name} without an uncertainty", "add `uncertainty`: two standard deviations"
-    risk = given.get("risk")
-    if risk is not None and isinstance(risk.value, Number) and not 0 < risk.value.value < 50:
-        yield risk, f"a risk of {risk.value} percent", "write more than 0 and less than 50"
     values = [each.value.value for each in limits if isinstance(each.value, Number)]
     if len(values) == 2 and values[0] > values[1]:
         yield limits[0], f"the lower limit {values[0]} is above the upper limit {values[1]}", "exchange them"
+
+
+def _unsure(given: dict[str, Expression]) -> Iterator[tuple[Expression, str, str]]:
+    """What contradicts itself in what is said of the uncertainty of a measurement."""
+    if "uncertainty" not in given:
+        for name in ("risk", "worth"):
+            if name in given:
+                yield (
+                    given[name],
+                    f"a {name} without an uncertainty",
+                    "add `uncertainty`: two standard deviations",
+                )
+    risk = given.get("risk")
+    if risk is not None and isinstance(risk.value, Number) and not 0 < risk.value.value < 50:
+        yield risk, f"a risk of {risk.value} percent", "write more than 0 and less than 50"

@@ -50,7 +50,9 @@ class PlanEvent(_Event):
     """A plan, which replaces all steps that have not begun."""
 
     kind: Literal["plan"] = Field(description="what happened")
-    why: str = Field(description="first, recovery, reschedule, choice, aligned (the part was found elsewhere), again (values are doubtful or undecided), or the order that asked for it")
+    why: str = Field(
+        description="first, recovery, reschedule, choice, aligned (the part was found elsewhere), again (values are doubtful or undecided), or the order that asked for it"
+    )
     steps: list[PlannedStep] = Field(description="its steps")
     forecast_ms: int = Field(description="the forecast of its end")
     goals: list[str] = Field(description="what it is for")
@@ -77,7 +79,8 @@ class CommandEvent(_Event):
     looks: list[str] = Field(default_factory=list, description="facts that the device looks at first")
     watches: list[str] = Field(default_factory=list, description="facts that it looks at until the step ends")
     part: list[float] = Field(
-        default_factory=list, description="where the part lies: three rows of a displacement of its model, in metres"
+        default_factory=list,
+        description="where the part lies: three rows of a displacement of its model, in metres",
     )
 
 
@@ -126,8 +129,12 @@ class ResultEvent(_Event):
     nominal: float | None = Field(None, description="what the value should be, if that is known")
     lower: float | None = Field(None, description="the least value that passes")
     upper: float | None = Field(None, description="the greatest value that passes")
-    uncertainty: float | None = Field(None, description="of the value: two standard deviations, if that is known")
-    risk: float | None = Field(None, description="how many percent of the decisions may be wrong, if that is said")
+    uncertainty: float | None = Field(
+        None, description="of the value: two standard deviations, if that is known"
+    )
+    risk: float | None = Field(
+        None, description="how many percent of the decisions may be wrong, if that is said"
+    )
     passed: bool | None = Field(None, description="the verdict; null if nobody said what passes")
     tool: str | None = Field(None, description="the tool that measured")
 
@@ -192,7 +199,9 @@ class AlignmentEvent(_Event):
     """It was found out where the part lies, or that it fits nowhere."""
 
     kind: Literal["alignment"] = Field(description="what happened")
-    part: list[float] = Field(description="three rows of a displacement of its model, in metres; empty: it fits nowhere")
+    part: list[float] = Field(
+        description="three rows of a displacement of its model, in metres; empty: it fits nowhere"
+    )
     centre: list[float] = Field(default_factory=list, description="the middle of the datums, in metres")
     covariance: list[list[float]] = Field(
         default_factory=list, description="of a shift and a turn about the centre: metres and radians"

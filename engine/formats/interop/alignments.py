@@ -15,8 +15,8 @@ from engine.kernels.rigid import apply
 from engine.model.fits import Datums
 from engine.model.geometry import Floats
 from engine.model.measurement import MeasurementPoint, Triple
-from engine.pipelines.inspection.points import points
-from engine.pipelines.verdicts.lying import METRES, datum_points, datums, deviation_m
+from engine.pipelines.points import METRES, points
+from engine.pipelines.verdicts.lying import datum_points, datums, deviation_m
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
 from kb.loader import domain_of

@@ -10,7 +10,7 @@ from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.model.measurements import measurements_of
 from engine.pipelines.inspection import Partition, partition, require_choice
-from engine.pipelines.inspection.places import with_places
+from engine.pipelines.points import points, with_places
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load

@@ -29,7 +29,12 @@ from kb.model.results import Measured
 from kb.terms import Atom, Function
 
 MOST = 5  # values of one feature
-PORTIONS = (1.0, 0.5, 0.25, 0.1)  # of those that could be decided which are planned together, the likeliest first
+PORTIONS = (
+    1.0,
+    0.5,
+    0.25,
+    0.1,
+)  # of those that could be decided which are planned together, the likeliest first
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +49,10 @@ class Repeat:
 
 def datums_asked(problem: Problem) -> tuple[str, ...]:
     """The datums that are to be measured before everything else; none if the run does not find the part by itself."""
-    if not chooses_tools(problem.domain) or problem.domain.conventions.alignment not in problem.domain.predicates:
+    if (
+        not chooses_tools(problem.domain)
+        or problem.domain.conventions.alignment not in problem.domain.predicates
+    ):
         return ()
     from engine.pipelines.verdicts.lying import alignment_asked  # it needs numpy
 
@@ -74,14 +82,6 @@ def located(problem: Problem, measured: Sequence[Measured]) -> tuple[tuple[str, 
     if datums is None:
         return (), Unaligned("not all datums were measured")
     return datums.names, aligned(datums)
-
-
-def lying_of(part: Sequence[float], since_ms: int, centre: object, covariance: object, wrong: Collection[str]) -> Lying:
-    """Where the part lies, from the numbers of a record."""
-    import numpy as np
-
-    T = np.vstack([np.array(part, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
-    return Lying(T, since_ms, np.array(centre, float), np.array(covariance, float), tuple(wrong))
 
 
 def moved(problem: Problem, lying: Lying) -> Problem:
@@ -158,7 +158,10 @@ def _decisive(
         worth = sum(each.worth for each in some)
         if lasts is None or base is None:
             continue
-        told = told or f"{len(some)} undecided: further values take {lasts - base:.0f} and are worth {worth:.0f} {problem.domain.time_unit}"
+        told = (
+            told
+            or f"{len(some)} undecided: further values take {lasts - base:.0f} and are worth {worth:.0f} {problem.domain.time_unit}"
+        )
         if worth - (lasts - base) > net:
             best, net = {each.feature.of: each.offer for each in some}, worth - (lasts - base)
         if share * len(gains) <= 1:

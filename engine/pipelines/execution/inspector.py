@@ -15,7 +15,6 @@ from engine.pipelines.execution.inspecting import (
     first_stage,
     judged,
     located,
-    lying_of,
     moved,
     reopened,
     repeats,
@@ -26,7 +25,7 @@ from engine.pipelines.execution.records import read_atom
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.toplevel import made
 from engine.pipelines.troubleshooting.recovery import recover
-from engine.pipelines.verdicts.lying import Lying
+from engine.pipelines.verdicts.lying import Lying, lying_of
 from engine.stages.planning import Limits
 from kb.model.problem import Problem
 from kb.model.results import Measured
@@ -69,13 +68,8 @@ def _measured(line: Line) -> Measured:
 
 def there(whole: Problem, scope: Scope, content: Mapping[str, Any]) -> Scope:
     """The scope for all of a problem with its part where a record says, without what is lost or was given up."""
-    found = Scope(moved(whole, _lying(content)), scope.given_up)
+    found = Scope(moved(whole, lying_of(content, content["at_ms"])), scope.given_up)
     return found.changed(Revision(lost=scope.lost, blocked=tuple((each, "") for each in scope.blocked)))
-
-
-def _lying(content: Mapping[str, Any]) -> Lying:
-    numbers = (content["part"], content["at_ms"], content["centre"], content["covariance"], content["wrong"])
-    return lying_of(*numbers)
 
 
 @dataclass
@@ -90,6 +84,9 @@ class Inspector:
         """Go on where the part lies as a record of the run says."""
         self.entry = dict(entry)
         course.part = tuple(entry.get("part", ()))
+
+    def _lying(self) -> Lying | None:
+        return lying_of(self.entry, self.entry["at_ms"]) if self.entry else None
 
     def onward(
         self, problem: Problem, course: Progress, handler: ExceptionHandler, limits: Limits
@@ -127,7 +124,7 @@ class Inspector:
     ) -> Further | None:
         if self.rounds >= ROUNDS:
             return None
-        features = judged(problem, course.measured, _lying(self.entry) if self.entry else None)
+        features = judged(problem, course.measured, self._lying())
         rest, facts = handler.scope.rest(course.world.state), course.world.facts
         found = repeats(problem, features, rest, limits, facts)
         if found is None:
@@ -141,7 +138,9 @@ class Inspector:
         tools = {name: found.tools.get(name, "") for name in found.names}
         again = reopened(rest, tools, facts)
         _reopen(course, list(found.names), problem, "they are measured again")
-        course.recorder.note(RecordKind.DECISION, what=f"measured again: {found.why}", why=_reasons(found.names))
+        course.recorder.note(
+            RecordKind.DECISION, what=f"measured again: {found.why}", why=_reasons(found.names)
+        )
         made_ = self._planned(course, handler, again, limits, AGAIN)
         return made_ if isinstance(made_, Further) else None
 
@@ -163,9 +162,7 @@ class Inspector:
         return Further(ready(other.problem, other.outcome.plan, None, now, since=since), why)
 
 
-def _misfit(
-    course: Progress, handler: ExceptionHandler, wrong: Sequence[str], why: str
-) -> Further | GivesUp:
+def _misfit(course: Progress, handler: ExceptionHandler, wrong: Sequence[str], why: str) -> Further | GivesUp:
     """Have it found out why the datums fit nowhere: by the fault base, about the last of those that disagree."""
     last = next((e for e in reversed(course.measured) if not wrong or e.of in wrong), course.measured[-1])
     found = handler.handled(read_atom(last.action), None, 0, MISFIT, None)

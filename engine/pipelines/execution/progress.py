@@ -261,5 +261,9 @@ def _changes(change: StepChange) -> Mapping[str, list[str]]:
 
 def looked_at(command: Command) -> dict[str, list[Any]]:
     """What a command's device looks at, and where the part lies, as a record has it; nothing where nothing is said."""
-    found = {"looks": list(command.looks), "watches": list(command.watches), "part": list(command.part)}
+    found: dict[str, list[Any]] = {
+        "looks": list(command.looks),
+        "watches": list(command.watches),
+        "part": list(command.part),
+    }
     return {key: value for key, value in found.items() if value}

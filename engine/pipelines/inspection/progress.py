@@ -11,10 +11,11 @@ from itertools import pairwise
 
 from engine.model.measurements import measurements_of
 from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of, violations
-from engine.pipelines.inspection import Partition, positions, tour_problem
+from engine.pipelines.inspection import Partition, tour_problem
 from engine.pipelines.inspection.losses import parted
 from engine.pipelines.inspection.stations import stations_of
 from engine.pipelines.inspection.ways import ordered
+from engine.pipelines.points import positions
 from engine.stages.sequencing import Limits, sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.loader.amounts import amounts_of

@@ -22,10 +22,8 @@ import numpy as np
 from engine.kernels.rigid import apply, transform, turned
 from engine.model.geometry import Floats
 from engine.model.measurement import MeasurementPoint
-from engine.pipelines.inspection.places import with_places
-from engine.pipelines.inspection.points import points
 from engine.pipelines.measuring import Expected, Measuring
-from engine.pipelines.verdicts.lying import METRES, PROFILE
+from engine.pipelines.points import METRES, PROFILE, points, with_places
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
 from kb.json_text import parsed
@@ -82,7 +80,9 @@ class Truth:
 
 def believed(part: Part) -> Floats:
     """A displacement (4, 4) from the twelve numbers of its first three rows; none stands for no displacement."""
-    found: Floats = np.vstack([np.array(part, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]]) if part else np.eye(4)
+    found: Floats = (
+        np.vstack([np.array(part, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]]) if part else np.eye(4)
+    )
     return found
 
 
@@ -95,14 +95,20 @@ def read_truth(file: str, problem: Problem, seed: int) -> Truth:
     if not isinstance(said, dict) or (strange := sorted(set(said) - set(KEYS))):
         told = f"unknown key '{strange[0]}'" if isinstance(said, dict) else "no JSON object"
         raise _refused(file, told)
-    shift, turn = (np.array(_numbers(file, said, key, 3) or (0.0, 0.0, 0.0)) for key in ("shift_mm", "turn_deg"))
+    shift, turn = (
+        np.array(_numbers(file, said, key, 3) or (0.0, 0.0, 0.0)) for key in ("shift_mm", "turn_deg")
+    )
     maps = {key: _mapped(file, said, key) for key in ("values", "noise", "bad")}
     return Truth(problem, transform(turned(np.radians(turn)), 1e-3 * shift), seed=seed, **maps)
 
 
 def _numbers(file: str, said: Mapping[str, Any], key: str, count: int) -> tuple[float, ...]:
     found = said.get(key, [])
-    if not isinstance(found, list) or not all(is_number(each, 1e9) for each in found) or len(found) not in (0, count):
+    if (
+        not isinstance(found, list)
+        or not all(is_number(each, 1e9) for each in found)
+        or len(found) not in (0, count)
+    ):
         raise _refused(file, f"`{key}` is no list of {count} numbers")
     return tuple(map(float, found))
 
@@ -115,4 +121,4 @@ def _mapped(file: str, said: Mapping[str, Any], key: str) -> dict[str, float]:
 
 
 def _refused(file: str, message: str) -> InvalidInput:
-    return InvalidInput([Diagnostic(Source(file), "K408", message, HINT)])
+    return InvalidInput([Diagnostic(Source(file), "K413", message, HINT)])

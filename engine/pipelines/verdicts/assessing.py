@@ -14,9 +14,8 @@ import numpy as np
 from engine.kernels.rigid import apply
 from engine.model.measurement import MeasurementPoint
 from engine.model.verdicts import Feature
-from engine.pipelines.inspection.places import with_places
-from engine.pipelines.inspection.points import points
-from engine.pipelines.verdicts.lying import METRES, PROFILE, Lying
+from engine.pipelines.points import METRES, PROFILE, points, with_places
+from engine.pipelines.verdicts.lying import Lying
 from engine.stages.fitting.consistency import expected
 from kb.model.conformity import COVERAGE
 from kb.model.problem import Problem
@@ -49,9 +48,7 @@ def assessed(
     return tuple(_feature(each, off[key], lying) for key, each in known.items())
 
 
-def _by_feature(
-    problem: Problem, measured: Sequence[Measured], lying: Lying | None
-) -> dict[Key, _Known]:
+def _by_feature(problem: Problem, measured: Sequence[Measured], lying: Lying | None) -> dict[Key, _Known]:
     where = {point.name: point for point in points(with_places(problem))}
     found = dict[Key, list[Measured]]()
     for each in measured:
@@ -61,6 +58,11 @@ def _by_feature(
         key: _Known(tuple(values), where.get(key[0]), _unsure(values[-1], where.get(key[0]), lying))
         for key, values in found.items()
     }
+
+
+def _wrong(number: int, each: _Known, lying: Lying | None) -> bool:
+    """Whether a value is one of a datum that disagrees with the others."""
+    return lying is not None and each.last.of in lying.wrong and each.values[number].at_ms <= lying.since_ms
 
 
 def _is_profile(measured: Measured, point: MeasurementPoint | None) -> bool:
@@ -167,14 +169,17 @@ def _chosen(each: _Known, off: tuple[float, ...] | None, disagrees: bool) -> tup
 
 def _feature(each: _Known, off: tuple[float, ...] | None, lying: Lying | None) -> Feature:
     last = each.last
-    disagrees = lying is not None and last.of in lying.wrong and last.at_ms <= lying.since_ms
-    chosen, doubt = _chosen(each, off, disagrees)
+    right = [n for n in range(len(each.values)) if not _wrong(n, each, lying)]
+    used = right or list(range(len(each.values)))
+    some = replace(each, values=tuple(each.values[n] for n in used))
+    places, doubt = _chosen(some, None if off is None else tuple(off[n] for n in used), not right)
+    chosen = tuple(used[n] for n in places)
     value, sigma = _mean(each.values, chosen)
     bad = [(one, _why_bad(n, off)) for n, one in enumerate(each.values) if n not in chosen and _sigma(one)]
     unsure = COVERAGE * math.hypot(sigma, each.sigma_lying) if sigma else None
-    used = tuple(each.values[number] for number in chosen)
+    counted = tuple(each.values[number] for number in chosen)
     demand = (last.unit, last.nominal, last.lower, last.upper, last.risk)
-    return Feature(last.of, last.quantity, *demand, value, unsure, used, tuple(bad), doubt)
+    return Feature(last.of, last.quantity, *demand, value, unsure, counted, tuple(bad), doubt)
 
 
 def _why_bad(number: int, off: tuple[float, ...] | None) -> str:

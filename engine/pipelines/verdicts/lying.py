@@ -3,8 +3,9 @@
 Datums are the profiles of the alignment's steps (`alignment(point, step)`), or all profiles where there are none.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,22 +13,18 @@ from engine.kernels.rigid import apply
 from engine.model.fits import Datums
 from engine.model.geometry import Floats
 from engine.model.measurement import MeasurementPoint
-from engine.pipelines.inspection.places import with_places
-from engine.pipelines.inspection.points import points
+from engine.pipelines.points import METRES, PROFILE, points, with_places
 from kb.model.conformity import COVERAGE
 from kb.model.problem import Problem
 from kb.model.results import Measured
 from kb.terms import Function, Number
-
-PROFILE = "profile"  # the kind of measurement that tells how far a surface is from where it should be
-METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": 0.0254}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lying:
     """Where a part was found to lie, as a displacement (4, 4) of its model, and since when its points were measured there.
 
-    `centre` (3,) and `covariance` (6, 6) say how sure that is, as in `Alignment`. `wrong` are datums that disagree.
+    `centre` (3,) and `covariance` (6, 6) say how sure that is, as in `Alignment`. `wrong` are datums that disagree, `datums` is how many agree.
     """
 
     T: Floats
@@ -35,11 +32,28 @@ class Lying:
     centre: Floats
     covariance: Floats
     wrong: tuple[str, ...] = ()
+    datums: int = 0
 
     def sigma_along(self, place: Floats, normal: Floats) -> float:
         """The standard deviation of where a point (3,) of the part is, along a direction (3,)."""
         by = np.concatenate([normal, np.cross(place - self.centre, normal)])
         return float(np.sqrt(max(0.0, float(by @ self.covariance @ by))))
+
+
+def lying_of(content: Mapping[str, Any], since_ms: int) -> Lying:
+    """Where the part lies, as the record of an alignment says."""
+    T = np.vstack([np.array(content["part"], float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+    sure = (np.array(content["centre"], float), np.array(content["covariance"], float))
+    return Lying(T, since_ms, *sure, tuple(content["wrong"]), int(content.get("datums", 0)))
+
+
+def lying_in(alignments: Iterable[tuple[Mapping[str, Any], int]]) -> tuple[Lying | None, str]:
+    """Where the part lies by the last of some records with their times, if one says so; and why its datums fit nowhere, if the last says that."""
+    found, refused = None, ""
+    for content, at_ms in alignments:
+        found = lying_of(content, at_ms) if content["part"] else found
+        refused = str(content.get("why", ""))
+    return found, refused
 
 
 def datum_points(problem: Problem) -> dict[str, MeasurementPoint]:
@@ -57,9 +71,7 @@ def alignment_asked(problem: Problem) -> tuple[str, ...]:
     return tuple(name for _, name in steps)
 
 
-def datums(
-    found: Sequence[tuple[MeasurementPoint, float]], sigma_m: Sequence[float]
-) -> Datums:
+def datums(found: Sequence[tuple[MeasurementPoint, float]], sigma_m: Sequence[float]) -> Datums:
     """Points with how far (m) along its normal the surface lies from each, and the standard deviation of that."""
     nominal, normals = (np.array([getattr(p, what) for p, _ in found]) for what in ("position", "normal"))
     measured = nominal + normals * np.array([off for _, off in found])[:, None]

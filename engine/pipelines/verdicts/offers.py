@@ -23,7 +23,8 @@ class Offer:
 def offers(problem: Problem, feature: Feature) -> tuple[Offer, ...]:
     """The tools of the feature's kind that the rules of the domain do not refuse for it, in the order of their names."""
     refused = {
-        (str(tool), str(name)) for tool, name, _ in evaluated(problem).atoms(problem.domain.conventions.refused, 3)
+        (str(tool), str(name))
+        for tool, name, _ in evaluated(problem).atoms(problem.domain.conventions.refused, 3)
     }
     found = _all(problem, Measuring(problem), feature)
     return tuple(sorted((e for e in found if (e.tool, feature.of) not in refused), key=lambda e: e.tool))

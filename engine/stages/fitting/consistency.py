@@ -11,7 +11,11 @@ import numpy as np
 
 from engine.model.geometry import Floats, Longs, Truths
 
-NEAREST, AMONG, LEAST = 12, 30, 6  # neighbours that count, of so many near ones; fewer than the least tell nothing
+NEAREST, AMONG, LEAST = (
+    12,
+    30,
+    6,
+)  # neighbours that count, of so many near ones; fewer than the least tell nothing
 ALIKE = 0.9  # cosine between the normals of neighbours
 ROUNDS = 12
 BIWEIGHT = 4.685  # standard deviations beyond which a neighbour does not count at all
@@ -81,13 +85,15 @@ def _coordinates(points: Floats, normals: Floats, near: Longs, usable: Truths) -
 def _planes(where: Floats, values: Floats, sigma: Floats, usable: Truths) -> tuple[Floats, Floats, Floats]:
     """The height (n,) of a plane through neighbours at the point itself, its variance (n,), and how rough they are beside it (n,)."""
     X = np.concatenate([np.ones((*values.shape, 1)), where], axis=2)
-    middle = np.ma.median(np.ma.masked_array(values, ~usable), axis=1).filled(0.0)
+    middle = _median(values, usable, 0.0)
     off, weights = (values - middle[:, None]) / sigma, usable.astype(float)
     scale = _scale(off, usable)
     plane, inverse = middle, np.ones((len(values), 3, 3))
     for _ in range(ROUNDS):
         ratio = off / (BIWEIGHT * np.maximum(scale, 1.0)[:, None])
-        weights = np.where(usable & (np.abs(ratio) < 1.0), (1.0 - np.minimum(ratio**2, 1.0)) ** 2, 0.0) / sigma**2
+        weights = (
+            np.where(usable & (np.abs(ratio) < 1.0), (1.0 - np.minimum(ratio**2, 1.0)) ** 2, 0.0) / sigma**2
+        )
         A = np.einsum("nka,nk,nkb->nab", X, weights, X)
         A += (RIDGE + RIDGE * np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
         inverse = np.linalg.inv(A)
@@ -98,5 +104,18 @@ def _planes(where: Floats, values: Floats, sigma: Floats, usable: Truths) -> tup
 
 
 def _scale(off: Floats, usable: Truths) -> Floats:
-    found: Floats = MEDIAN * np.ma.median(np.ma.masked_array(np.abs(off), ~usable), axis=1).filled(1.0)
+    return MEDIAN * _median(np.abs(off), usable, 1.0 / MEDIAN)
+
+
+def _median(values: Floats, usable: Truths, otherwise: float) -> Floats:
+    """The median of the usable values in each row (n, k); `otherwise` where none is."""
+    count = usable.sum(axis=1)
+    rising = np.sort(np.where(usable, values, np.inf), axis=1)
+    middle = [
+        np.take_along_axis(rising, np.maximum(each, 0)[:, None], 1)[:, 0]
+        for each in ((count - 1) // 2, np.minimum(count // 2, rising.shape[1] - 1))
+    ]
+    found: Floats = np.full(len(values), otherwise)
+    some = count > 0
+    found[some] = 0.5 * (middle[0][some] + middle[1][some])
     return found

@@ -32,7 +32,9 @@ def read_qif(text: str) -> Results:
     known = {each.get("id", ""): each for each in root.iter() if each.get("id")}
     measured = [each for each in found.iter() if each.tag.endswith(KIND)]
     if "run" in about:
-        return Results(about["run"], about.get("started", ""), tuple(_measured(each, known) for each in measured))
+        return Results(
+            about["run"], about.get("started", ""), tuple(_measured(each, known) for each in measured)
+        )
     lengths = root.findtext(f"{SPACE}FileUnits/{SPACE}PrimaryUnits/{SPACE}LinearUnit/{SPACE}UnitName") or "mm"
     read = (_foreign(each, known, lengths.strip()) for each in measured if _text(each, "Value"))
     return Results(_text(root, "QPId"), "", tuple(read))

@@ -8,10 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from engine.faces.cli import app
-from engine.pipelines.inspection.points import points
 from engine.formats.interop.results import ResultForm, written
 from engine.kernels.rigid import transform, turned
 from engine.model.measurement import MeasurementPoint
+from engine.pipelines.points import points
 from kb.loader import load
 from kb.model.results import Measured, Results
 from tests.places import BUNDLED

@@ -67,7 +67,17 @@ def test_a_verdict_is_written_for_people_and_other_programs() -> None:
     assert table[1].startswith(
         "monday_1,2026-11-22T10:00:00+00:00,42000,m1,thickness,6342.5,um,6350,6340,6360,yes"
     )
-    assert [line.split(",")[10] for line in table[1:]] == ["yes", "no", "", "yes", "", "yes", "yes", "yes", "no"]
+    assert [line.split(",")[10] for line in table[1:]] == [
+        "yes",
+        "no",
+        "",
+        "yes",
+        "",
+        "yes",
+        "yes",
+        "yes",
+        "no",
+    ]
     assert [line.split(",")[-1] for line in table[-3:]] == ["conforming", "undecided", "not conforming"]
     root = ElementTree.fromstring(written(SOME, ResultForm.QIF).encode())
     told = [each.text for each in root.iter(f"{SPACE}CharacteristicStatusEnum")]
@@ -124,3 +134,29 @@ def test_a_json_text_with_a_value_of_another_kind_is_no_results(key: str, value:
     text = f'{{"version": 1, "run": "r", "started": "", "measured": [{{"of": "m", "quantity": "q", "{key}": {value}}}], "history": []}}'
     with pytest.raises(ValueError, match=f"`{key}` cannot be|not results"):
         read(text, ResultForm.JSON)
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "wrong"),
+    [("QIF_Results_Sample", 13, {"6", "9", "4"}), ("WIDGET_QIF_RESULTS", 42, {"6", "7", "19"})],
+)
+def test_results_of_other_programs_are_read_with_their_verdicts(
+    name: str, count: int, wrong: set[str]
+) -> None:
+    file = SCHEMA.parents[2] / "results" / f"{name}.QIF"
+    if not file.is_file():
+        pytest.skip("the samples of QIF are not there")
+    text = file.read_text()
+    results = read(text, ResultForm.QIF)
+    assert len(results.measured) == count
+    assert {each.of for each in results.measured if each.passed is False} == wrong
+    values = [
+        each for each in ElementTree.fromstring(text).iter() if each.tag.endswith("CharacteristicMeasurement")
+    ]
+    told = [each.findtext(f"{SPACE}Status/{SPACE}CharacteristicStatusEnum") for each in values]
+    differs = [
+        (each.value, said)
+        for each, said in zip(results.measured, told, strict=True)
+        if {True: "PASS", False: "FAIL"}.get(each.passed, said) != said
+    ]
+    assert differs in ([], [(0.0, "FAIL")])  # the sample judges both points of a profile together

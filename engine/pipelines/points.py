@@ -1,9 +1,18 @@
-"""The measurements of a problem as points with normals, as its facts tell."""
+"""The measurements of a problem as points with normals, as its facts and its cell tell."""
+
+from dataclasses import replace
 
 from engine.model.measurement import MeasurementPoint, Triple
 from engine.model.measurements import measurements_of
+from kb.asp import Grounder
+from kb.asp.statics import evaluated
+from kb.loader.amounts import standing
+from kb.model.conventions import Conventions
 from kb.model.problem import Problem
-from kb.terms import Number, Term
+from kb.terms import Function, Number, Term
+
+PROFILE = "profile"  # the kind of measurement that tells how far a surface is from where it should be
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": 0.0254}
 
 
 def points(problem: Problem) -> list[MeasurementPoint]:
@@ -42,3 +51,35 @@ def points(problem: Problem) -> list[MeasurementPoint]:
             )
         )
     return made
+
+
+def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
+    """The given positions of measurements, in metres, by name. Measurements without a position are left out."""
+    return positions_in(evaluated(problem), problem.domain.conventions)
+
+
+def positions_in(grounder: Grounder, words: Conventions) -> dict[str, tuple[float, ...]]:
+    """The same of facts that are evaluated already."""
+    given = grounder.atoms(words.position, 4)
+    return {str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in given}
+
+
+def _number(term: Term) -> float:
+    return term.value if isinstance(term, Number) else 0.0
+
+
+def with_places(problem: Problem) -> Problem:
+    """The problem with a `position` added for each measurement that has none but has a place in the cell.
+
+    The position is that of the place in micrometres, in the frame of the domain's travel, else in the world. Raises
+    `InvalidInput` for a bad cell.
+    """
+    words, names = problem.domain.conventions, measurements_of(problem)
+    if not names or words.position not in problem.domain.predicates:
+        return problem
+    known, point = positions(problem), standing(problem.domain)
+    found = {name: point(words.place(name)) for name in names if name not in known}
+    facts = tuple(
+        Function(words.position, (Function(name), *map(Number, at))) for name, at in found.items() if at
+    )
+    return replace(problem, statics=(*problem.statics, *facts)) if facts else problem
