@@ -94,10 +94,9 @@ class Measuring:
         if term is None:
             return None
         try:
-            found = self._amounts.of(term, bound, 0)
+            return float(self._amounts.of(term, bound, 0))
         except NoAmount:
             return None
-        return None if found is None else float(found)
 
 
 def _value(operator: Operator, step: Function, reply: Term) -> float | None:
@@ -150,7 +149,7 @@ def _nonsense(measure: Measure, problem: Problem, amounts: Amounts) -> Iterator[
                 except NoAmount as error:
                     yield Diagnostic(problem.where, "K316", str(error), error.hint)
                     continue
-                if value is not None and (wrong := _wrong(name, value)):
+                if wrong := _wrong(name, value):
                     said, hint = wrong
                     told = f"{Function(fact.name, arguments)} is {value}, {said}"
                     yield Diagnostic(problem.where, "K316", told, hint)

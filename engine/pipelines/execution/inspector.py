@@ -92,7 +92,7 @@ class Inspector:
         self, problem: Problem, course: Progress, handler: ExceptionHandler, limits: Limits
     ) -> Further | GivesUp | None:
         """What an inspection goes on with at the end of a plan; None if it is over. The scope of the handler is set to it."""
-        if not any(each.uncertainty for each in course.measured):
+        if not any(each.uncertainty for each in course.values):
             return None
         if not self.entry and datums_asked(problem):
             return self._aligned(problem, course, handler, limits)
@@ -101,7 +101,7 @@ class Inspector:
     def _aligned(
         self, problem: Problem, course: Progress, handler: ExceptionHandler, limits: Limits
     ) -> Further | GivesUp:
-        names, found = located(problem, course.measured)
+        names, found = located(problem, course.values)
         if not isinstance(found, Alignment):
             course.recorder.note(RecordKind.ALIGNMENT, part=[], wrong=list(found.off), why=found.reason)
             return _misfit(course, handler, found.off, found.reason)
@@ -124,7 +124,7 @@ class Inspector:
     ) -> Further | None:
         if self.rounds >= ROUNDS:
             return None
-        features = judged(problem, course.measured, self._lying())
+        features = judged(problem, course.values, self._lying())
         rest, facts = handler.scope.rest(course.world.state), course.world.facts
         found = repeats(problem, features, rest, limits, facts)
         if found is None:
@@ -164,7 +164,7 @@ class Inspector:
 
 def _misfit(course: Progress, handler: ExceptionHandler, wrong: Sequence[str], why: str) -> Further | GivesUp:
     """Have it found out why the datums fit nowhere: by the fault base, about the last of those that disagree."""
-    last = next((e for e in reversed(course.measured) if not wrong or e.of in wrong), course.measured[-1])
+    last = next((e for e in reversed(course.values) if not wrong or e.of in wrong), course.values[-1])
     found = handler.handled(read_atom(last.action), None, 0, MISFIT, None)
     if isinstance(found, GivesUp):
         return GivesUp(f"{why}; {found.why}", found.stops)

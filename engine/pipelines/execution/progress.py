@@ -104,7 +104,7 @@ class Progress:
     history: list[Achievement] = field(default_factory=list)
     memory: Memory = field(default_factory=Memory)
     measuring: Measuring | None = None
-    measured: list[Measured] = field(default_factory=list)  # all values of the run
+    values: list[Measured] = field(default_factory=list)  # all that were measured in the run
     part: tuple[float, ...] = ()  # where the part lies, if it was found out
     done: set[int] = field(default_factory=set)
     written: Written = field(default_factory=Written)
@@ -126,7 +126,8 @@ class Progress:
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
-    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
+    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
+    measured: str = ""  # what facts of measurements that are made are called
     look: Callable[[RunState], None] | None = None
     gate: PlanGate = field(default_factory=PlanGate)  # it keeps what it knows of the cell
 
@@ -195,7 +196,9 @@ class Progress:
         self.done.add(activity)
         self.written.done.add(activity)
         if self.compiled.program.timed:
-            self.since.update(dict.fromkeys(new, self.standing.now_ms))
+            self.since |= {
+                atom: ended.started_ms if atom.name == self.measured else self.standing.now_ms for atom in new
+            }
         self._look_at_the_forecast(activity, ended.started_ms)
         self.sent.pop(ended.number, None)
         work = achievement(len(self.history) + 1, self.replies.step(activity), new, moved)
@@ -228,7 +231,7 @@ class Progress:
         if said is None and found is None:
             return
         if found is not None:
-            self.measured.append(found)
+            self.values.append(found)
         verdict = {} if found is None else {name: getattr(found, name) for name in VERDICT}
         action = self.compiled.program.activities[activity].action
         fact = "" if said is None else str(said)

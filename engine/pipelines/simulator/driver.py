@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
-from engine.pipelines.simulator.hidden import HiddenCell, Injection
+from engine.pipelines.simulator.hidden import HiddenCell
+from engine.pipelines.simulator.injections import Injection, injection
 from engine.pipelines.simulator.log import Log, Sent
 from engine.pipelines.simulator.physical import SimulatedCell
 from engine.ports import DriverSetup
@@ -22,7 +23,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.faults import load_faults
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem
-from kb.numbers import NumberError, decimal, is_count
+from kb.numbers import NumberError, decimal
 
 if TYPE_CHECKING:
     from engine.pipelines.simulator.truth import Truth
@@ -280,7 +281,7 @@ def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
         setup.factor,
         number_of(setup.options, "spread"),
         max(1, int(number_of(setup.options, "lookahead", 1))),
-        tuple(_injection(each.strip()) for each in setup.options.get("fault", "").split(";") if each.strip()),
+        tuple(injection(each.strip()) for each in setup.options.get("fault", "").split(";") if each.strip()),
         setup.options.get("log", ""),
     )
 
@@ -292,14 +293,3 @@ def number_of(options: Mapping[str, str], name: str, default: float = 0.0) -> fl
     except NumberError as error:
         said = f"'{options[name][:40]}' {error}"
         raise InvalidInput([Diagnostic(Source("--option"), "K107", said, f"write {name}=0.2")]) from None
-
-
-def _injection(text: str) -> Injection:
-    """An injection in the form STEP[#TIME]=CAUSE[@EXCEPTION]. Raises `InvalidInput`."""
-    step, _, rest = text.rpartition("=")
-    cause, _, exception = rest.partition("@")
-    action, _, which = step.partition("#")
-    if not action or not cause or (which and not is_count(which)):
-        hint = "write STEP=CAUSE: pick(probe_1, slot(drawer, 1))=not_gripped, or pick#2=arm_offset"
-        raise InvalidInput([Diagnostic(Source("--fault"), "K107", f"'{text}' is no fault", hint)])
-    return Injection(action.strip(), cause.strip(), int(which or 1), exception.strip())

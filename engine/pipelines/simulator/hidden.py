@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from engine.model.cases import Hypothesis
 from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, SymbolicWorld, WorldState
 from engine.pipelines.simulation.world import achievement
+from engine.pipelines.simulator.injections import Injection
 from engine.pipelines.simulator.physical import PhysicalBody, reading_by, told_by
 from engine.stages.diagnosis.knowledge import CURED
 from engine.stages.diagnosis.revision import binding_of
@@ -29,20 +30,6 @@ if TYPE_CHECKING:
 SILENCE = "timeout"  # the reply of the fault base for a step that is never answered
 FAILED = "failed"
 VARIABLE = re.compile(r"\b(?:[A-Z]\w*|_)\b")
-
-
-@dataclass(frozen=True, slots=True)
-class Injection:
-    """A fault that appears when a step is carried out: which step, the how-manieth time, and its cause.
-
-    `action` is the step as an instance, or the name of its operator for any step of it. `exception` is how the step fails;
-    empty for the first one of the base that the cause can have there.
-    """
-
-    action: str
-    cause: str
-    time: int = 1
-    exception: str = ""
 
 
 @dataclass
