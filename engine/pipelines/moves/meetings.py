@@ -123,19 +123,25 @@ def found(moments: Sequence[Moment], before: frozenset[Pair], encounters: Encoun
     steps, rests = set[Pair](), set[tuple[str, StepId | None, StepId]]()
     shared: dict[Pair, Floats] = {}
     looked = near = 0
+    around = {arm: _around(encounters, track) for arm, track in own.items()}
     for first, second in combinations(own, 2):
-        for one in own[first]:
-            for other in own[second]:
+        for one, mine in zip(own[first], around[first], strict=True):
+            for n in np.nonzero(_overlap(mine, around[second]))[0]:
+                other = own[second][n]
                 if second in arms[one.step] or first in arms[other.step]:
                     continue
-                looked += 1
                 common = _common(encounters, one, other)
                 near += bool(len(common))
                 if len(common) and _meets(encounters, one.passages, other.passages, one.rides or other.rides):
                     steps |= {(one.step, other.step)}
                     shared[one.step, other.step] = common
+        alone = {
+            arm: [each for each in own[arm] if rival not in arms[each.step]]
+            for arm, rival in ((first, second), (second, first))
+        }
+        looked += len(alone[first]) * len(alone[second])
         for arm, rival in ((first, second), (second, first)):
-            rests |= set(_rests(encounters, arm, own, rival, moments[0], arms))
+            rests |= set(_rests(encounters, arm, own[arm], alone[rival], moments[0], steps))
     orders = frozenset(_cleared(moments, own, before, encounters))
     meetings = Meetings(
         {arm: tuple(each.step for each in track) for arm, track in own.items()},
@@ -164,18 +170,32 @@ def _meets(
 def _rests(
     encounters: Encounters,
     arm: str,
-    own: dict[str, list[Occupied]],
-    rival: str,
+    track: Sequence[Occupied],
+    rivals: Sequence[Occupied],
     start: Moment,
-    arms: dict[StepId, set[str]],
+    steps: set[Pair],
 ) -> Iterator[tuple[str, StepId | None, StepId]]:
-    """Where an arm rests in the way of another one's steps."""
+    """Where an arm rests in the way of another one's steps. Where it rests after a step it was in the step, too."""
     home = Passage(Rider(start.before, arm), start.before.configurations[arm][None])
-    rests = [(None, home), *((each.step, each.rest) for each in own[arm])]
+    rests = [(None, home), *((each.step, each.rest) for each in track)]
     for after, rest in rests:
-        for other in own[rival]:
-            if arm not in arms[other.step] and _meets(encounters, [rest], other.passages, other.rides):
+        for other in rivals:
+            near = after is None or (after, other.step) in steps or (other.step, after) in steps
+            if near and _meets(encounters, [rest], other.passages, other.rides):
                 yield arm, after, other.step
+
+
+def _around(encounters: Encounters, track: Sequence[Occupied]) -> Floats:
+    """A box (n, 6) around all that an arm sweeps in each step."""
+    found = [np.concatenate([encounters.boxes(p) for p in each.passages]) for each in track]
+    boxes = [np.concatenate([each[:, :3].min(axis=0), each[:, 3:].max(axis=0)]) for each in found]
+    return np.array(boxes).reshape(len(track), 6)
+
+
+def _overlap(box: Floats, others: Floats) -> Floats:
+    """Which of some boxes (n, 6) are within the margin of one (6,)."""
+    low, high = np.maximum(box[:3], others[:, :3]), np.minimum(box[3:], others[:, 3:])
+    return np.asarray((low <= high + MARGIN_M).all(axis=1))
 
 
 def _cleared(
