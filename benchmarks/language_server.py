@@ -200,6 +200,8 @@ def survived(edits: int) -> dict[str, Any]:
         start = chance.randrange(60)
         text = "".join(chance.choices(PIECES, k=chance.randrange(3)))
         edit(server, uri, number + 1, line, start, start + chance.randrange(8), text)
+        if number % 1000 == 999:
+            print(f"{number + 1} edits", file=sys.stderr, flush=True)
         if number % 500 == 499:  # begin again: a text that is only noise asks for little
             whole = {
                 "textDocument": {"uri": uri, "version": number + 1},

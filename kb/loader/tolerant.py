@@ -34,7 +34,7 @@ class Piece(NamedTuple):
 def pieces(text: str) -> Iterator[Piece]:
     """The pieces of a YAML text, in order. Together they hold all of it except what stands before the first section."""
     starts = [found.start() for found in _SECTION.finditer(text)]
-    for start, end in zip(starts, [*starts[1:], len(text)], strict=True):
+    for start, end in zip(starts, [*starts[1:], len(text)], strict=False):
         head = _BARE.match(text, start, end)
         yield from _of_section(text, head, end) if head else (Piece("", start, text[start:end]),)
 
@@ -45,7 +45,7 @@ def _of_section(text: str, head: re.Match[str], end: int) -> Iterator[Piece]:
     least = min((indent for _, indent in lines), default=0)
     starts = [start for start, indent in lines if indent == least]
     yield Piece("", head.start(), text[head.start() : starts[0] if starts else end])
-    for start, stop in zip(starts, [*starts[1:], end], strict=True):
+    for start, stop in zip(starts, [*starts[1:], end], strict=False):
         yield Piece(head[1], start, text[start:stop])
 
 

@@ -159,3 +159,11 @@ def test_what_was_read_of_a_piece_moves_with_it(tmp_path: Path) -> None:
     before = [each for _, each in FileIndex.of("domain.yaml", text).occurrences()]
     after = [each for _, each in FileIndex.of("domain.yaml", f"# moved\n{text}").occurrences()]
     assert [each.moved(8) for each in before] == after
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\n", "# only a comment\n", "objects:\n", "  - x\n", "objects:\n\n# end\ntypes:", "-", ":"]
+)
+def test_a_text_with_little_in_it_has_pieces(text: str) -> None:
+    assert "".join(each.text for each in pieces(text)) in text
+    assert list(FileIndex.of("domain.yaml", text).declared()) == []
