@@ -57,12 +57,14 @@ def test_arms_in_the_middle_share_a_zone_and_one_waits() -> None:
     assert made.sharing.ordered > 0
 
 
-@pytest.mark.parametrize("late_s", [0.0, 3.0])
-def test_no_delay_lets_the_arms_collide(late_s: float) -> None:
-    made, drawn = moving("crossing"), random.Random(3)
+@pytest.mark.parametrize(
+    ("name", "late_s"), [("crossing", 0.0), ("crossing", 3.0), ("scanned", 3.0), ("bench", 6.0)]
+)
+def test_no_delay_lets_the_arms_collide(name: str, late_s: float) -> None:
+    made, drawn = moving(name), random.Random(3)
     found = steps_of(made)
     semantics, backend = PlanGate().semantics(made.problem), geometry_backend()
-    walk, encounters = Walk(semantics, cell_of("dual/crossing"), backend), Encounters(backend)
+    walk, encounters = Walk(semantics, cell_of(f"dual/{name}"), backend), Encounters(backend)
     moments = moments_of(walk, found, made.steps)
     for _ in range(3):
         late = {step.id: drawn.uniform(0.0, late_s) for step in found.steps}
