@@ -7,6 +7,7 @@ resolved from there. Each image has one or two patches, and these give the dimen
 
 import math
 import os
+import sys
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -278,3 +279,14 @@ def told_of(errors: list[Error]) -> dict[str, float]:
         "scatter": round(float(off.std()), 3),
         "median": round(float(np.median(off)), 3),
     }
+
+
+def main() -> int:
+    """Print the errors of rendered patches: python benchmarks/inspection_patches.py [NUMBER]."""
+    for name, row in patches(int(sys.argv[1]) if len(sys.argv) > 1 else 5000, 1).items():
+        print(f"{name:24} {row}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
