@@ -73,8 +73,9 @@ def _surface(image: RangeImage, normal: Floats, offset_m: float) -> Waves | None
     if near.sum() < 3:
         return None
     shine = float(np.median(image.strength[near] / strength[near]))
-    found: Waves = shine * (strength * np.exp(2j * TURN / image.tool.wavelength_m * metres))
-    return found
+    return np.asarray(
+        shine * strength * np.exp(2j * TURN / image.tool.wavelength_m * metres), dtype=np.complex128
+    )
 
 
 def _share(wave: Waves, nearer: Waves, beyond: Waves) -> Floats:
