@@ -28,10 +28,9 @@ from engine.pipelines.execution.checkpoints import past_of
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.planned import ready
 from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import compiled_of
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.settling import standing_again
+from engine.pipelines.execution.settling import taken_up
 from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Simulator
 from engine.pipelines.simulator.driver import Settings
@@ -167,8 +166,7 @@ def resumed(folder: Path) -> float:
         started = time.perf_counter()
         begun = Past(SymbolicWorld.of(problem, situation_of(problem).state), Scope(problem))
         past = past_of(journal, "blink", begun)
-        assert past.plan is not None
-        standing = standing_again(compiled_of(past.plan), past, past.at_ms)
+        _, standing = taken_up(past, lambda _stream: 1, past.at_ms)
         assert past.last == journal.last("blink")
         assert standing.ready or standing.running or past.ended
         return time.perf_counter() - started

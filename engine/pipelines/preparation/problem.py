@@ -6,9 +6,11 @@ from engine.kernels.cancellation import Interrupted
 from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, GaveUp
 from engine.pipelines.inspection.keeping import carry_on
-from engine.pipelines.planning import loaded
+from engine.pipelines.objective import sequenced
+from engine.pipelines.planning import LARGE, loaded
 from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
-from engine.pipelines.reuse.practice import Practice
+from engine.pipelines.reuse.practice import Answered, Practice
+from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
@@ -29,8 +31,7 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         poses = _poses(job.store, problem) if measures else None
         kept = _kept(job.store, problem) if measures else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
-        with Library(job.store) as library, Practice(library, limits) as practice:
-            answered = practice.plan(problem)
+        answered = _answered(job.store, problem, limits)
     except InvalidInput as error:
         return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics))
     except Stopped:
@@ -47,6 +48,19 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         sequence=kept,
         poses=poses,
     )
+
+
+def _answered(store: str, problem: Problem, limits: Limits) -> Answered:
+    """The answer for a problem, which the library keeps. Of measurements that are too many to be planned at once, as `plan` does:
+    they follow their sequence, and what is learned is about one of them.
+    """
+    with Library(store) as library, Practice(library, limits) as practice:
+        if size(problem) > LARGE:
+            memory = practice.repertoire(problem.domain) if practice.learns else None
+            followed = sequenced(problem, limits, memory, store)
+            if followed is not None:
+                return Answered(followed.outcome, "sequence")
+        return practice.plan(problem)
 
 
 def interrupted_before(path: Path) -> Prepared:

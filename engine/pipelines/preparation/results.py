@@ -34,7 +34,8 @@ class KeptPoses:
 class Prepared:
     """The result for one problem. `status`: found, infeasible, gave up or bad input.
 
-    `origin`, `macrop`, `name` and `reason` are those of `Answered`.
+    `origin`, `macrop`, `name` and `reason` are those of `Answered`; the origin `sequence` is a plan that follows the sequence of its
+    measurements.
     """
 
     problem: str
