@@ -10,7 +10,7 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
-from engine.faces.cli.options import Seed, TimeLimit, refuse_idle
+from engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows, refuse_idle
 
 if TYPE_CHECKING:
     from engine.model.outcome import GaveUp, Infeasible
@@ -72,14 +72,6 @@ Restored = Annotated[
     list[str] | None, typer.Option("--restored", help="visits, tools and resources that can be used again")
 ]
 Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
-Windows = Annotated[
-    list[str] | None,
-    typer.Option("--window", help="when a visit may begin, from the start of the tour: 'm3=10..90, m4=..60'"),
-]
-Lasts = Annotated[list[str] | None, typer.Option("--lasts", help="how long a visit takes: 'm3=4, m4=6'")]
-Before = Annotated[
-    list[str] | None, typer.Option("--before", help="visits that come in this order, separated by commas")
-]
 Shown = Annotated[TourForm, typer.Option("--format", help="how the tour is written")]
 
 
@@ -220,7 +212,7 @@ def _read(target: str, wanted: tuple[list[str], list[str], list[str]]) -> Visits
     from engine.formats.interop.tsplib import read_tsplib
     from engine.pipelines.inspection import partition, tour_problem
     from engine.pipelines.inspection.demands import known, of_options, with_demands
-    from engine.pipelines.inspection.places import with_places
+    from engine.pipelines.points import with_places
     from kb.files import is_file
 
     demands = of_options(*wanted)

@@ -113,6 +113,8 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
     state = line.content["state"]
     for each in state["additions"]:
         past.extend(each)
+    if "lying" in state:
+        past.lies(state["lying"])
     content = _plan(journal, run, state["plan"])
     past.follow(content, state["plan"])
     if "whole" in content:

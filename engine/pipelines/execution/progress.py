@@ -1,7 +1,7 @@
 """How far a run is, and what its steps do to that: commands are posted, the world model follows, everything is noted."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -20,8 +20,10 @@ from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
 from engine.stages.execution.outlook import Accuracy
 from engine.stages.macros.lifted.world import StepChange
+from kb.model.results import Measured
 from kb.terms import Atom
 
+PLACED = (CommandKind.STEP, CommandKind.TEST, CommandKind.REPAIR)  # commands that may move along the part
 EVERY = 5_000  # records from one checkpoint to the next
 NOTICED_MS = (
     30_000  # by which a step may end later or sooner than forecast before the plan is looked at again
@@ -36,7 +38,9 @@ LONG = (
     "ahead",
     "pages",
 )  # what of a plan's record grows with the plan, or is true only once
-VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
+VERDICT = (
+    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk", "passed", "tool",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +105,8 @@ class Progress:
     history: list[Achievement] = field(default_factory=list)
     memory: Memory = field(default_factory=Memory)
     measuring: Measuring | None = None
+    values: list[Measured] = field(default_factory=list)  # all that were measured in the run
+    part: tuple[float, ...] = ()  # where the part lies, if it was found out
     done: set[int] = field(default_factory=set)
     written: Written = field(default_factory=Written)
     outbox: list[Command] = field(default_factory=list)
@@ -121,7 +127,8 @@ class Progress:
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
-    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
+    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
+    measured: str = ""  # what facts of measurements that are made are called
     look: Callable[[RunState], None] | None = None
     gate: PlanGate = field(default_factory=PlanGate)  # it keeps what it knows of the cell
 
@@ -153,6 +160,7 @@ class Progress:
 
     def post(self, command: Command, step: int | None = None) -> None:
         """Note a command, to be sent once the note is on the disk."""
+        command = replace(command, part=self.part) if self.part and command.kind in PLACED else command
         record = self.recorder.note(
             RecordKind.COMMAND,
             command=command.number,
@@ -189,7 +197,9 @@ class Progress:
         self.done.add(activity)
         self.written.done.add(activity)
         if self.compiled.program.timed:
-            self.since.update(dict.fromkeys(new, self.standing.now_ms))
+            self.since |= {
+                atom: ended.started_ms if atom.name == self.measured else self.standing.now_ms for atom in new
+            }
         self._look_at_the_forecast(activity, ended.started_ms)
         self.sent.pop(ended.number, None)
         work = achievement(len(self.history) + 1, self.replies.step(activity), new, moved)
@@ -221,6 +231,8 @@ class Progress:
         found = self.measuring.heard(step, reply.text, reply.at_ms) if self.measuring is not None else None
         if said is None and found is None:
             return
+        if found is not None:
+            self.values.append(found)
         verdict = {} if found is None else {name: getattr(found, name) for name in VERDICT}
         action = self.compiled.program.activities[activity].action
         fact = "" if said is None else str(said)
@@ -251,7 +263,11 @@ def _changes(change: StepChange) -> Mapping[str, list[str]]:
     }
 
 
-def looked_at(command: Command) -> dict[str, list[str]]:
-    """What a command's device looks at, as a record has it; nothing where it looks at nothing."""
-    found = {"looks": list(command.looks), "watches": list(command.watches)}
+def looked_at(command: Command) -> dict[str, list[Any]]:
+    """What a command's device looks at, and where the part lies, as a record has it; nothing where nothing is said."""
+    found: dict[str, list[Any]] = {
+        "looks": list(command.looks),
+        "watches": list(command.watches),
+        "part": list(command.part),
+    }
     return {key: value for key, value in found.items() if value}
