@@ -247,6 +247,12 @@ def nearest(name: str, known: Collection[str]) -> str:
     return f"did you mean '{best}'?" if best else ""
 
 
+def suggested(hint: str) -> str:
+    """The name that a hint of `nearest` suggests; empty if it suggests none."""
+    found = re.search(r"did you mean '([^']+)'\?", hint)
+    return found[1] if found else ""
+
+
 def unknown_name(kind: str, name: str, known: Collection[str], where: Source) -> Diagnostic:
     """The diagnostic for a name that is not declared, with the most similar known name or some of the known names."""
     shown = (sorted(known) if isinstance(known, Set) else list(known))[:8]
