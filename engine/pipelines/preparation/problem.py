@@ -10,6 +10,8 @@ from engine.pipelines.objective import sequenced
 from engine.pipelines.planning import LARGE, loaded
 from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
 from engine.pipelines.reuse.practice import Answered, Practice
+from engine.pipelines.units.content import require_same
+from engine.pipelines.units.course import INTERRUPTED
 from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
@@ -18,12 +20,15 @@ from kb.stopping import Stopped
 from kb.store import Library
 from kb.targets import CELL_FILE
 
+UNUSABLE = "K416"  # of a library: another time it may be there
+
 
 def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
     """Plan one problem with the library in the store, and bring its kept sequence up to date."""
     if interrupted():
-        return interrupted_before(job.path)
+        return lost(job, INTERRUPTED)
     try:
+        require_same(job.path, job.content)
         problem = loaded(job.path).problem
         if problem is None:
             return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
@@ -33,9 +38,10 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
         answered = _answered(job.store, problem, limits)
     except InvalidInput as error:
-        return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics))
+        finished = all(each.code != UNUSABLE for each in error.diagnostics)
+        return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics), finished=finished)
     except Stopped:
-        return interrupted_before(job.path)
+        return lost(job, INTERRUPTED)
     outcome = answered.outcome
     return Prepared(
         problem.name,
@@ -47,6 +53,7 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         sum(outcome.statistics.seconds.values()),
         sequence=kept,
         poses=poses,
+        finished=not interrupted(),
     )
 
 
@@ -63,9 +70,9 @@ def _answered(store: str, problem: Problem, limits: Limits) -> Answered:
         return practice.plan(problem)
 
 
-def interrupted_before(path: Path) -> Prepared:
-    """The result for a problem that was interrupted before it was planned."""
-    return Prepared(path.stem, "gave up", reason="interrupted")
+def lost(job: PreparationJob, why: str) -> Prepared:
+    """The result for a problem whose planning did not end."""
+    return Prepared(job.path.stem, "gave up", reason=why, finished=False)
 
 
 def _poses(store: str, problem: Problem) -> KeptPoses | None:

@@ -36,6 +36,7 @@ class Prepared:
 
     `origin`, `macrop`, `name` and `reason` are those of `Answered`; the origin `sequence` is a plan that follows the sequence of its
     measurements.
+    What is not `finished` is done again by the next preparation.
     """
 
     problem: str
@@ -48,6 +49,7 @@ class Prepared:
     diagnostics: tuple[Diagnostic, ...] = ()
     sequence: KeptSequence | None = None
     poses: KeptPoses | None = None
+    finished: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +65,13 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class PreparationJob:
-    """What one process needs to plan a problem: the problem's file, the store, and the limits of the search."""
+    """What one process needs to plan a problem: the problem's file, the store, and the limits of the search.
+
+    `content` is a digest of the files.
+    """
 
     path: Path
     store: str
     expansions: int
     seed: int
+    content: str
