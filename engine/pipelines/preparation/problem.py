@@ -59,7 +59,7 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
 
 def _answered(store: str, problem: Problem, limits: Limits) -> Answered:
     """The answer for a problem, which the library keeps. Of measurements that are too many to be planned at once, as `plan` does:
-    they follow their sequence, and what is learned is about one of them.
+    they follow their sequence.
     """
     with Library(store) as library, Practice(library, limits) as practice:
         if size(problem) > LARGE:

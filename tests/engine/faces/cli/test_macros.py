@@ -177,7 +177,6 @@ def test_measurements_that_are_too_many_to_be_planned_at_once_are_prepared_one_a
     problem = BULKHEAD / "problems" / "twelve_points.yaml"
     found = work(PreparationJob(problem, store, 100_000, 0, content(problem)), lambda: False)
     assert (found.status, found.origin) == ("found", "sequence")
-    assert source("bulkhead/one_point", "--store", store)[0] == "library"
 
 
 @pytest.mark.slow
