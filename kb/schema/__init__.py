@@ -6,7 +6,7 @@ from kb.schema.validation import Deviation, deviations, model_of
 
 __all__ = ["KINDS", "Deviation", "deviations", "json_schema"]
 
-KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "events")
+KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "device", "events")
 
 
 def json_schema(kind: str) -> dict[str, Any]:
