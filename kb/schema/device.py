@@ -20,8 +20,11 @@ class ParameterEntry(Strict):
 class ExampleEntry(Strict):
     """What `cellwright init --with` writes for it. `P` stands for a probe."""
 
+    objects: str | None = Field(None, description="an object that a problem has to have: `measurement: wall`")
+    static: str | None = Field(None, description="facts that never change, which a problem has to give")
     initial: str | None = Field(None, description="facts that a problem has to give: the levels of bottles")
     stage: str | None = Field(None, description="a stage that the device reaches: $heated(P, 10 min)")
+    goal: str | None = Field(None, description="a goal that it reaches, in place of a stage")
     probes: Literal["1", "2"] = Field("1", description="how many probes reach it together")
     fault: str | None = Field(
         None, description="a step and a cause that can be repaired, as for `run --fault`: $press_switch=switch_not_pressed"
