@@ -27,7 +27,6 @@ from kb.model.problem import Problem
 from kb.targets import BUNDLED, DEVICES
 from kb.terms import Atom
 
-
 UNNEEDED = ("K304", "K309", "K310", "K605")
 
 

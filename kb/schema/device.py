@@ -14,7 +14,9 @@ class ParameterEntry(Strict):
     """A parameter: what it is, and its value if a use gives none."""
 
     is_: str = Field(alias="is", description="what it is, with its unit")
-    default: str | list[str] | None = Field(None, description="its value if a use gives none; else each use must give one")
+    default: str | list[str] | None = Field(
+        None, description="its value if a use gives none; else each use must give one"
+    )
 
 
 class ExampleEntry(Strict):
@@ -27,14 +29,17 @@ class ExampleEntry(Strict):
     goal: str | None = Field(None, description="a goal that it reaches, in place of a stage")
     probes: Literal["1", "2"] = Field("1", description="how many probes reach it together")
     fault: str | None = Field(
-        None, description="a step and a cause that can be repaired, as for `run --fault`: $press_switch=switch_not_pressed"
+        None,
+        description="a step and a cause that can be repaired, as for `run --fault`: $press_switch=switch_not_pressed",
     )
 
 
 class DeviceFile(Sections):
     """A `device.yaml`: what a device adds to a domain. `$name` stands for a parameter, an own name or a port."""
 
-    device: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the device's name, which is that of its folder")
+    device: str = Field(
+        pattern=r"^[a-z][a-z0-9_]*$", description="the device's name, which is that of its folder"
+    )
     about: str = Field(description="what it is, in one sentence")
     parameters: dict[str, ParameterEntry] = Field(
         default_factory=dict, description="what a use may set: capacities, durations, the place in the cell"
@@ -47,7 +52,8 @@ class DeviceFile(Sections):
         default_factory=dict, description="ports that another device fills: hand, holder"
     )
     offers: dict[str, str] = Field(
-        default_factory=dict, description="ports that it fills for others, with the name that stands for it there"
+        default_factory=dict,
+        description="ports that it fills for others, with the name that stands for it there",
     )
     drives: dict[str, Meaning] = Field(
         default_factory=dict,

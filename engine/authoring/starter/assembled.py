@@ -28,7 +28,11 @@ def texts(folder: Path, name: str, devices: Sequence[str]) -> tuple[dict[str, st
     complete = _complete(folder, _numbered(devices))
     domain = _domain(folder, name, complete)
     uses = uses_in(File.of(str(folder / DOMAIN_FILE), domain))
-    stored = {"domain.yaml": domain, "faults.yaml": _faults(name), "problems/first.yaml": _problem(name, uses)}
+    stored = {
+        "domain.yaml": domain,
+        "faults.yaml": _faults(name),
+        "problems/first.yaml": _problem(name, uses),
+    }
     if "measuring" in complete:
         stored |= {"domain.yaml": domain + TRAVEL, "rules.lp": WAYS}
     return stored, [example["fault"] for use in uses if "fault" in (example := use.example())]
@@ -41,7 +45,9 @@ def _numbered(devices: Sequence[str]) -> dict[str, str]:
         count = sum(1 for other in found.values() if other == each)
         if count == len(ORDINALS):
             hint = "write further ones into the domain: each has a name under `use:`"
-            raise InvalidInput([Diagnostic(Source("--with"), "K406", f"more than {count} devices '{each}'", hint)])
+            raise InvalidInput(
+                [Diagnostic(Source("--with"), "K406", f"more than {count} devices '{each}'", hint)]
+            )
         found[ORDINALS[count] + each] = each
     return found
 
@@ -49,7 +55,9 @@ def _numbered(devices: Sequence[str]) -> dict[str, str]:
 def _complete(folder: Path, uses: dict[str, str]) -> dict[str, str]:
     """The uses with what they need: a hand and a place for probes, or a rack for tools."""
     known = {each.name: each for each in all_devices(folder)}
-    wrong = [unknown_name("device", each, known, Source("--with")) for each in uses.values() if each not in known]
+    wrong = [
+        unknown_name("device", each, known, Source("--with")) for each in uses.values() if each not in known
+    ]
     if wrong:
         raise InvalidInput(wrong)
     used = {device for each in uses.values() for device in _below(each, known)}
@@ -106,7 +114,10 @@ def _problem(name: str, uses: Sequence[Use]) -> str:
             f"# yaml-language-server: $schema=../schema/problem.schema.json\nproblem: first\ndomain: {name}",
             *_section("objects", [f"  {each}" for each in objects]),
             *_section("statics", _items([*homes, *_said(examples, "static")])),
-            *_section("initial", _items(each.replace("(P,", f"({PROBES[0]},") for each in _said(examples, "initial"))),
+            *_section(
+                "initial",
+                _items(each.replace("(P,", f"({PROBES[0]},") for each in _said(examples, "initial")),
+            ),
             *_section("goals", _items(_said(examples, "goal"))),
             *_section("workflow", list(_chains(store, examples)) if store else []),
             "",

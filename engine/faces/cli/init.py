@@ -14,7 +14,9 @@ def init(
     folder: Annotated[Path, typer.Argument(help="a folder that is new or empty")],
     with_: Annotated[
         str,
-        typer.Option("--with", metavar="DEVICES", help="put it together from devices: furnace,drawer,balance"),
+        typer.Option(
+            "--with", metavar="DEVICES", help="put it together from devices: furnace,drawer,balance"
+        ),
     ] = "",
     format: Format = Form.TEXT,
 ) -> None:

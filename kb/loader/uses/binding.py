@@ -86,7 +86,9 @@ class Uses:
     def _again(self, name: str, device: str, key: Node, given: Mapping[str, Node]) -> Use:
         """What is used already, by the domain or by another device. A device asks for it without saying anything of it."""
         use = self.found[name]
-        if use.device.name != device or (given and {k: text_of(v) for k, v in given.items()}.items() - use.values.items()):
+        if use.device.name != device or (
+            given and {k: text_of(v) for k, v in given.items()}.items() - use.values.items()
+        ):
             hint = "give one of them another name, or the parameters once, in the domain"
             message = f"'{name}' is used already, as another device or with other parameters"
             raise InvalidInput([Diagnostic(key.where, "K104", message, hint)])
@@ -107,11 +109,17 @@ class Uses:
 
     def _partner(self, port: str, value: str) -> dict[str, str]:
         """The names of the device that fills a port, as `PORT_NAME`: what a lid says of the fingers of the hand."""
-        able = (each for each in self.found.values() if port in each.device.offers and each.offer(port) == value)
+        able = (
+            each for each in self.found.values() if port in each.device.offers and each.offer(port) == value
+        )
         return {f"{port}_{own}": each.values[own] for each in able for own in ("prefix", *each.device.own)}
 
     def _fill(self, use: Use, port: str, wrong: list[Diagnostic]) -> None:
-        offers = [(each.name, each.offer(port)) for each in self.found.values() if port in each.device.offers and each is not use]
+        offers = [
+            (each.name, each.offer(port))
+            for each in self.found.values()
+            if port in each.device.offers and each is not use
+        ]
         if len({value for _, value in offers}) == 1:
             use.values[port] = offers[0][1]
             return
@@ -149,6 +157,8 @@ def _values(use: Use, key: Node, node: Node) -> dict[str, str]:
     for name, place, _ in members(node):
         if name != "device" and name not in allowed:
             wrong.append(unknown_name(f"parameter of {device.name}", name, allowed, place.where))
+    if wrong:
+        raise InvalidInput(wrong)
     given = {name: text_of(value) for name, value in use.given.items()}
     prefix = "" if use.name == device.name else f"{use.name}_"
     values = {"name": use.name, "prefix": prefix, **{own: prefix + own for own in device.own}}

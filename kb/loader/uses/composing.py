@@ -15,7 +15,19 @@ from kb.loader.uses.faults import renamed, without_strangers
 from kb.loader.uses.merging import merged
 from kb.targets import DEVICE_FILE
 
-HEAD = ("device", "about", "parameters", "own", "needs", "offers", "drives", "example", "use", "without", "tools")
+HEAD = (
+    "device",
+    "about",
+    "parameters",
+    "own",
+    "needs",
+    "offers",
+    "drives",
+    "example",
+    "use",
+    "without",
+    "tools",
+)
 
 
 def composed(reader: Reader, path: Path) -> None:
@@ -27,6 +39,7 @@ def composed(reader: Reader, path: Path) -> None:
     parts = [_without(part, HEAD) for part in parts]
     whole = merged([*parts, reader.root], reader.root)
     _special_first(whole, [*parts, reader.root], "defaults")
+    _special_first(whole, [*parts, reader.root], "commands", "phrases")  # an earlier phrase takes precedence
     _heaviest_first(whole)
     _leave_out(whole)
     reader.root = whole
@@ -43,7 +56,9 @@ def composed_beside(reader: Reader, domain: Path, form: str) -> None:
     ]
     if parts:
         whole = merged([*parts, reader.root], reader.root)
-        _special_first(whole, [*parts, reader.root], "locations")  # the first that fits a fact says where a body is
+        _special_first(
+            whole, [*parts, reader.root], "locations"
+        )  # the first that fits a fact says where a body is
         reader.root = without_strangers(whole) if form == "faults" else whole
 
 
@@ -57,7 +72,9 @@ def _tree(use: Use, name: str, findings: Findings) -> Node:
     for each in found:
         findings.note(each)
     if not isinstance(root.value, dict):
-        raise InvalidInput([Diagnostic(root.where, "K005", "a file of a device is a mapping", "begin with `device:`")])
+        raise InvalidInput(
+            [Diagnostic(root.where, "K005", "a file of a device is a mapping", "begin with `device:`")]
+        )
     return root
 
 
@@ -65,12 +82,20 @@ def _without(part: Node, keys: Iterable[str]) -> Node:
     return part._replace(value={key: entry for key, entry in part.value.items() if key not in keys})
 
 
-def _special_first(whole: Node, parts: list[Node], section: str) -> None:
+def _special_first(whole: Node, parts: list[Node], *path: str) -> None:
     """Order the entries of a section by the parts from the last to the first: the domain's own come first."""
-    if section not in whole.value:
+    *above, section = path
+    holder = whole
+    for key in above:
+        if (inner := child(holder, key)) is None:
+            return
+        copied = inner._replace(value=dict(inner.value))
+        holder.value[key] = (holder.value[key][0], copied)
+        holder = copied
+    if section not in holder.value:
         return
-    key, node = whole.value[section]
-    given = [found.value for part in reversed(parts) if (found := child(part, section)) is not None]
+    key, node = holder.value[section]
+    given = [found.value for part in reversed(parts) if (found := _at(part, path)) is not None]
     if isinstance(node.value, dict):
         names = dict.fromkeys(name for each in given for name in each)
         node = node._replace(value={name: node.value[name] for name in names})
@@ -79,7 +104,14 @@ def _special_first(whole: Node, parts: list[Node], section: str) -> None:
         for item in (item for each in given for item in each):
             items.setdefault(str(item.plain()), item)
         node = node._replace(value=list(items.values()))
-    whole.value[section] = (key, node)
+    holder.value[section] = (key, node)
+
+
+def _at(part: Node, path: tuple[str, ...]) -> Node | None:
+    found: Node | None = part
+    for key in path:
+        found = child(found, key)
+    return found
 
 
 def _heaviest_first(whole: Node) -> None:

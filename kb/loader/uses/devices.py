@@ -103,7 +103,9 @@ def text_of(node: Node) -> str:
     value = str(node.value)
     if not value or any(each in value for each in "\n$#:{}[]'\"&*!|>%@`"):
         hint = "write a name, a number, a time, a term, or a list of them"
-        raise InvalidInput([Diagnostic(node.where, "K005", f"'{value[:60]}' is no value of a parameter", hint)])
+        raise InvalidInput(
+            [Diagnostic(node.where, "K005", f"'{value[:60]}' is no value of a parameter", hint)]
+        )
     return value
 
 

@@ -26,8 +26,8 @@ def renamed(part: Node, name: str) -> Node:
 def without_strangers(whole: Node) -> Node:
     """The fault base without what a device says for others that are not there.
 
-These are entries that only add to what nobody says, and shared entries to which nobody has added a cause.
-"""
+    These are entries that only add to what nobody says, and shared entries to which nobody has added a cause.
+    """
     kept = dict(whole.value)
     for section, (reference,) in REFERENCES.items():
         if section in kept and isinstance(kept[section][1].value, dict):
