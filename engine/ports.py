@@ -88,6 +88,10 @@ class MotionGround(CollisionChecker, Protocol):
         """A bound on the way (m) of every point of everything that moves, on the straight line between configurations (k,)."""
         ...
 
+    def travels(self, ways: Floats) -> Floats:
+        """The same bound (n,) for many motions of the joints (n, k)."""
+        ...
+
 
 class Hand(Protocol):
     """The hand of the arm that moves, for planners that think in the room. Configurations are those of the ground (n, k)."""

@@ -7,7 +7,7 @@ clingo evaluates.
 
 from collections.abc import Callable, Iterable
 
-from kb.terms import PLAIN, Atom, Function, Number, Operation, Substitution, Term, Text, form_of, substitute
+from kb.terms import PLAIN, Atom, Function, Number, Operation, Term, Text, form_of
 
 BITS = 32  # bits of clingo's integers; larger values wrap around
 
@@ -28,14 +28,6 @@ def evaluate_atom(atom: Atom) -> Atom | None:
     values = [evaluate(argument) for argument in atom.arguments]
     found = tuple([value for value in values if value is not None])
     return Function(atom.name, found) if len(found) == len(values) else None
-
-
-def amount(term: Term | None, bindings: Substitution, default: int) -> int | None:
-    """A duration or cost under bindings: `default` if nothing is said, None if what is said has no value."""
-    if term is None:
-        return default
-    value = evaluate(substitute(term, bindings))
-    return value.value if isinstance(value, Number) else None
 
 
 def wraps(term: Term) -> bool:

@@ -18,6 +18,7 @@ class LegKind(Enum):
     DRAG = "drag"  # with a body along its joint
     OUT = "out"  # straight, back to the front of the place
     DRIVE = "drive"  # the arm rests, and the body that carries it moves along its joint
+    CARRY = "carry"  # with a body that another arm holds, too
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,6 +26,7 @@ class Leg:
     """A part of the motion of a step: configurations (m, k) of the arm, reached at `corners_s` (m,) from the leg's start.
 
     `proved` says whether it is free everywhere. `holding` names the bodies that move with the arm, except for its own tools.
+    The legs `beside` are those of other arms at the same time, with the same corners.
     """
 
     kind: LegKind
@@ -33,6 +35,7 @@ class Leg:
     corners_s: Floats
     proved: bool
     holding: tuple[str, ...] = ()
+    beside: tuple["Leg", ...] = ()
 
     @property
     def seconds(self) -> float:

@@ -1,18 +1,46 @@
-"""Windows of measurements in a plan: when they may begin, counted from where the tour of the arm begins.
+"""Windows of measurements in a plan: when they may begin, counted from where the tour of the arm begins; and their order.
 
 The tour begins when the first measurement could begin, if it had no window of its own.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from engine.model.measurements import measurements_of, named
 from kb.model.conditions import Literal
 from kb.model.plan import GOAL, START, Plan, StepId
 from kb.model.problem import Problem
-from kb.terms import Number, Term
+from kb.terms import Atom, Number, Term
 
 Window = tuple[int, int]  # earliest and latest beginning, in the unit of the costs
-LISTED = 12  # measurements that are named
+Pair = tuple[str, str]  # the first measurement is asked for before the second
+LISTED = 12  # measurements, or pairs of them, that are named
+
+
+@dataclass(frozen=True, slots=True)
+class Unmet:
+    """What is asked of the times of measurements, and a plan does not keep.
+
+    `missed` are the measurements that begin outside their windows, each with when it begins after the start of the tour.
+    `turned` are pairs whose second measurement begins before the first.
+    """
+
+    missed: Mapping[str, int] = field(default_factory=dict)
+    turned: tuple[Pair, ...] = ()
+
+    def entry(self) -> dict[str, Any]:
+        """What is not kept, for JSON; empty if everything is."""
+        missed = {"missed_windows": dict(self.missed)} if self.missed else {}
+        return missed | ({"broken_orders": [list(each) for each in self.turned]} if self.turned else {})
+
+    def lines(self, unit: str) -> Iterator[str]:
+        """What is not kept, in words, for a domain with this unit of time."""
+        if self.missed:
+            yield outside(self.missed, unit)
+        if self.turned:
+            names = [f"{first} is not before {second}" for first, second in self.turned[:LISTED]]
+            yield f"Not in the order that is asked for: {', '.join(names)}{_more(len(self.turned))}."
 
 
 def windows_of(facts: Iterable[Sequence[Term]]) -> dict[str, Window]:
@@ -36,12 +64,27 @@ def visits_of(problem: Problem, plan: Plan) -> dict[StepId, str]:
 
 
 def missed(
-    windows: Mapping[str, Window], visits: Mapping[StepId, str], starts: Mapping[StepId, int]
+    windows: Mapping[str, Window],
+    visits: Mapping[StepId, str],
+    starts: Mapping[StepId, int],
+    begin: int | None = None,
 ) -> dict[str, int]:
-    """The measurements that begin outside their windows, each with when it begins after the start of the tour."""
-    begin = tour_begin(windows, visits, starts)
+    """The measurements that begin outside their windows, each with when it begins after the start of the tour.
+
+    The tour starts at `begin`, if that is known.
+    """
+    begin = tour_begin(windows, visits, starts) if begin is None else begin
     after = {name: starts[step] - begin for step, name in visits.items() if name in windows}
     return {name: at for name, at in after.items() if not windows[name][0] <= at <= windows[name][1]}
+
+
+def turned(
+    pairs: Iterable[Pair], visits: Mapping[StepId, str], starts: Mapping[StepId, int]
+) -> tuple[Pair, ...]:
+    """The pairs of measurements whose second one begins before the first; those with one that no step makes are left out."""
+    begins = {name: starts[step] for step, name in visits.items()}
+    known = dict.fromkeys(pair for pair in pairs if begins.keys() >= {*pair})
+    return tuple((first, second) for first, second in known if begins[second] < begins[first])
 
 
 def tour_begin(
@@ -57,10 +100,28 @@ def tour_begin(
 def outside(missed: Mapping[str, int], unit: str) -> str:
     """The measurements outside their windows, in words."""
     names = [f"{name} at {at} {unit}" for name, at in list(missed.items())[:LISTED]]
-    more = f" and {len(missed) - LISTED} more (--format json has all)" if len(missed) > LISTED else ""
-    return f"Outside their windows, counted from the start of the tour: {', '.join(names)}{more}."
+    return (
+        f"Outside their windows, counted from the start of the tour: {', '.join(names)}{_more(len(missed))}."
+    )
+
+
+def _more(count: int) -> str:
+    return f" and {count - LISTED} more (--format json has all)" if count > LISTED else ""
 
 
 def opening(windows: Mapping[str, Window], visits: Mapping[StepId, str]) -> dict[StepId, int]:
     """How long after the start of the tour each step may begin that makes a measurement; 0 where nothing is said."""
-    return {step: windows.get(name, (0, 0))[0] for step, name in visits.items()}
+    return {step: max(0, windows.get(name, (0, 0))[0]) for step, name in visits.items()}
+
+
+def begun(problem: Problem, windows: Mapping[str, Window], begins: Mapping[Atom, int]) -> int | None:
+    """When the tour has begun whose measurements are made as far as the initial state says; None if none is.
+
+    `begins` says when they began.
+    """
+    known, measured = set(measurements_of(problem)), problem.domain.conventions.measured
+    made = {atom for atom in problem.initial if atom.name == measured} & begins.keys()
+    firsts = [
+        (begins[atom], windows.get(name, (0, 0))[0]) for atom in made for name in named(Literal(atom), known)
+    ]
+    return max(0, min(firsts)[0] - min(firsts)[1]) if firsts else None

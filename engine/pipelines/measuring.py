@@ -85,10 +85,9 @@ class Measuring:
         if term is None:
             return None
         try:
-            found = self._amounts.of(term, bound, 0)
+            return float(self._amounts.of(term, bound, 0))
         except NoAmount:
             return None
-        return None if found is None else float(found)
 
 
 def _value(operator: Operator, step: Function, reply: Term) -> float | None:
@@ -140,7 +139,7 @@ def _nonsense(measure: Measure, problem: Problem, amounts: Amounts) -> Iterator[
                 except NoAmount as error:
                     yield Diagnostic(problem.where, "K316", str(error), error.hint)
                     continue
-                if name == "tolerance" and value is not None and value <= 0:
+                if name == "tolerance" and value <= 0:
                     said = f"{Function(fact.name, arguments)} is {value}, so nothing can pass"
                     yield Diagnostic(problem.where, "K316", said, "give how wide the zone is")
 

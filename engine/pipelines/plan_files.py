@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from engine.model.windows import missed, visits_of, windows_of
+from engine.model.windows import Unmet, missed, turned, visits_of, windows_of
 from engine.stages.validation import validate
 from engine.stages.validation.claims import makespan, times
 from kb.asp.statics import evaluated
@@ -31,13 +31,18 @@ def ending(made: Plan, claims: Claims | None = None) -> int:
     return makespan(made, times(made, claims or Claims()))
 
 
-def missed_windows(problem: Problem, made: Plan, claims: Claims | None = None) -> dict[str, int]:
-    """The measurements that begin outside their windows, each with its begin after that of the tour."""
-    word = problem.domain.conventions.window
-    if word not in problem.domain.predicates:
-        return {}
-    windows = windows_of(evaluated(problem).atoms(word, 3))
-    return missed(windows, visits_of(problem, made), times(made, claims or Claims())) if windows else {}
+def unmet(problem: Problem, made: Plan, claims: Claims | None = None) -> Unmet:
+    """What static facts ask of the times of measurements, and a plan does not keep."""
+    words, declared = problem.domain.conventions, problem.domain.predicates
+    if words.window not in declared and words.before not in declared:
+        return Unmet()
+    facts = evaluated(problem)
+    windows = windows_of(facts.atoms(words.window, 3))
+    pairs = [(str(first), str(second)) for first, second in facts.atoms(words.before, 2)]
+    if not windows and not pairs:
+        return Unmet()
+    visits, starts = visits_of(problem, made), times(made, claims or Claims())
+    return Unmet(missed(windows, visits, starts), turned(pairs, visits, starts))
 
 
 def plan_in(file: Path) -> tuple[Problem, Plan]:

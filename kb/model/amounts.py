@@ -7,7 +7,7 @@ In a duration or a cost, `weight(Tool)` stands for the last argument of the only
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from kb.arithmetic import amount, wraps
+from kb.arithmetic import evaluate, wraps
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind, Operator, Predicate
 from kb.model.motion import DISTANCE, Motion, Point, distance
 from kb.terms import Function, Number, Operation, Substitution, Term, substitute
@@ -46,22 +46,24 @@ class Amounts:
     _tables: dict[tuple[str, int], dict[Arguments, list[Term]]] = field(default_factory=dict)
     _points: dict[Term, Point] = field(default_factory=dict)
 
-    def of(self, term: Term | None, bindings: Substitution, default: int) -> int | None:
-        """A duration or cost under bindings: `default` if nothing is said, None if arithmetic in it has no value.
-
-        Raises `NoAmount`.
-        """
-        if term is None or isinstance(term, Number):
-            return amount(term, {}, default)
+    def of(self, term: Term | None, bindings: Substitution, default: int) -> int:
+        """A duration or cost under bindings; `default` if nothing is said. Raises `NoAmount`."""
+        if term is None:
+            return default
+        if isinstance(term, Number):
+            return term.value
         known = self._known(substitute(term, bindings))
         if wraps(known):
             raise NoAmount(
                 f"{known} is too large a number", "numbers have 32 bits: take a larger unit of time"
             )
-        return amount(known, {}, default)
+        value = evaluate(known)
+        if not isinstance(value, Number):
+            raise NoAmount(f"{known} has no value", "exclude this with a condition in `where:`")
+        return value.value
 
-    def lasting(self, operator: Operator, bindings: Substitution) -> int | None:
-        """How long an instance of an operator lasts. None and `NoAmount` are as for `of`."""
+    def lasting(self, operator: Operator, bindings: Substitution) -> int:
+        """How long an instance of an operator lasts. Raises `NoAmount`."""
         if self.measured:
             instance = Function(operator.name, tuple(bindings[each] for each in operator.variables))
             if instance in self.measured:

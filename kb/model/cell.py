@@ -199,7 +199,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Where a fact puts a body: its feature `grip` (else its own frame) takes the pose of a place, or that of a frame.
+    """Where a fact puts a body: its feature `by` (else `grip`, else its own frame) takes the pose of a place, or of a frame.
 
     With `value` (m or rad) the body goes that far along its guide instead. `body` and `place` are terms, and `frame` is the
     name of a frame. All three may contain variables of the fact.
@@ -211,6 +211,7 @@ class Location:
     frame: str = ""
     where: Source = field(default=NOWHERE, compare=False)
     value: float | None = None
+    by: str = ""
 
 
 class Ends(Enum):
@@ -226,7 +227,8 @@ class Operation:
     """What an arm does in a step of an operator: `operator` is its name with variables.
 
     The arm goes to the place `at`; there it takes or leaves what the facts after the step say, and moves the body `drags` along
-    its guide. `drives` is a body that moves the arm, at rest, along its guide. `takes_s` is spent at the place.
+    its guide. `drives` is a body that moves the arm, at rest, along its guide. `takes_s` is spent at the place. Another arm is at
+    the place `with_place` meanwhile: it goes there first and leaves last. Both carry the body `carries` together from there.
     """
 
     operator: Function
@@ -236,6 +238,8 @@ class Operation:
     drives: str = ""
     takes_s: float = 0.0
     where: Source = field(default=NOWHERE, compare=False)
+    with_place: Term | None = None
+    carries: Term | None = None
 
 
 @dataclass(frozen=True, slots=True)

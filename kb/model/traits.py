@@ -19,15 +19,15 @@ class Traits:
 
 
 def traits(operator: Operator, instance: Function, amounts: Amounts) -> Traits | None:
-    """The traits of an instance; None if one of them has no value, so that there is no such instance.
+    """The traits of an instance; None if a resource has no value, so that there is no such instance.
 
-    Raises `NoAmount` if its duration or cost asks for a number that nothing tells.
+    Raises `NoAmount` if its duration or cost cannot be told.
     """
     bindings = dict(zip(operator.variables, instance.arguments, strict=True))
     resources = [evaluate(substitute(resource, bindings)) for resource in operator.resources]
     held = tuple([each for each in resources if each is not None])
     duration, cost = amounts.lasting(operator, bindings), amounts.of(operator.cost, bindings, 1)
-    if duration is None or cost is None or len(held) < len(resources):
+    if len(held) < len(resources):
         return None
     return Traits(held, duration, cost)
 

@@ -93,6 +93,9 @@ class LocationEntry(Strict):
     in_: str | None = Field(
         None, alias="in", description="the frame that its feature `grip` coincides with, such as Arm.tool"
     )
+    by: str | None = Field(
+        None, description="the feature of the body that takes the pose, in place of `grip`"
+    )
     joint: Quantity | None = Field(None, description="how far the body is along its joint")
 
 
@@ -103,6 +106,14 @@ class OperationEntry(Strict):
     ends: Literal["outside", "inside", "before"] = Field(
         "outside",
         description="where the arm is then: back before the place, in it, or before it without having been in it",
+    )
+    with_: Expression | None = Field(
+        None,
+        alias="with",
+        description="the place where another arm is meanwhile: it goes there first, and leaves it last",
+    )
+    carries: str | None = Field(
+        None, description="the body that both arms then carry to where the facts after the step put it"
     )
     drags: str | None = Field(None, description="the body that the arm moves along its joint there")
     drives: str | None = Field(None, description="the body that moves the arm along its joint")

@@ -71,3 +71,11 @@ Library = Annotated[
         help="a library of MACROPs: a file, or postgresql://USER@HOST/DATABASE",
     ),
 ]
+Windows = Annotated[
+    list[str] | None,
+    typer.Option("--window", help="when a visit may begin, from the start of the tour: 'm3=10..90, m4=..60'"),
+]
+Lasts = Annotated[list[str] | None, typer.Option("--lasts", help="how long a visit takes: 'm3=4, m4=6'")]
+Before = Annotated[
+    list[str] | None, typer.Option("--before", help="visits that come in this order, separated by commas")
+]

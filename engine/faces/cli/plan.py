@@ -12,9 +12,11 @@ from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import INTERRUPTED, exit_code
 from engine.faces.cli.options import (
     Anytime,
+    Before,
     Command,
     Expansions,
     Goals,
+    Lasts,
     Library,
     Pddl,
     Race,
@@ -23,6 +25,7 @@ from engine.faces.cli.options import (
     Strategy,
     Target,
     TimeLimit,
+    Windows,
     refuse_idle,
 )
 from engine.faces.cli.plan_forms import Made, PlanForm
@@ -98,9 +101,12 @@ def plan(
     store: Library = "",
     folded: Folded = False,
     motion: Motion = False,
+    window: Windows = None,
+    lasts: Lasts = None,
+    before: Before = None,
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
-    wanted = PlanRequest(target, goals, command, task)
+    wanted = PlanRequest(target, goals, command, task, (window or [], lasts or [], before or []))
     _refuse_misfits(wanted, pddl, strategy if race else "auto", motion)
     _refuse_unseen(format, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
@@ -134,8 +140,9 @@ def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool)
     if pddl != (wanted.pddl is not None):
         raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
     if pddl:
-        own = {"--goals": wanted.goals, "--command": wanted.command}
-        refuse_idle(own, "with --pddl: the PDDL problem has its own goals")
+        own: dict[str, object] = {"--goals": wanted.goals, "--command": wanted.command}
+        own |= dict(zip(("--window", "--lasts", "--before"), wanted.demands, strict=True))
+        refuse_idle(own, "with --pddl: the PDDL problem says all that is wanted")
     if raced != "auto":
         refuse_idle({"--strategy": raced}, "with --race, which runs all of them: leave one of the two out")
 
@@ -152,12 +159,13 @@ def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> Non
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """What is to be planned: a target, and goals or a command that replace its own."""
+    """What is to be planned: a target, goals or a command that replace its own, and windows, durations and orders of visits."""
 
     target: str
     goals: str = ""
     command: str = ""
     pddl: Path | None = None
+    demands: tuple[list[str], list[str], list[str]] = ([], [], [])
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +215,9 @@ def _made(wanted: PlanRequest, work: SearchOptions, interrupted: "Interruption")
     """The plan, with the motions of its steps if they are asked for."""
     from engine.faces.cli.origin import planned
     from engine.pipelines import objective as objectives
-    from engine.pipelines import planning
 
     task = _read_task(wanted)
-    problem = task.problem if task else planning.problem_of(wanted.target, wanted.goals, wanted.command)
+    problem = task.problem if task else _problem(wanted)
     limits = _limits(work, interrupted, task is not None)
     wish = objectives.Objective(work.objective.value) if work.objective else None
     order = objectives.Order(work.order.value)
@@ -221,6 +228,18 @@ def _made(wanted: PlanRequest, work: SearchOptions, interrupted: "Interruption")
         return Made(moving.run, moving.problem, moving=moving, task=task)
     run, origin = planned(problem, limits, wish, order, work.store, work.folded)
     return Made(run, problem, origin, task=task)
+
+
+def _problem(wanted: PlanRequest) -> "Problem":
+    """The problem with what the options ask of its measurements."""
+    from engine.pipelines import planning
+
+    problem = planning.problem_of(wanted.target, wanted.goals, wanted.command)
+    if not any(wanted.demands):
+        return problem
+    from engine.pipelines.inspection.demands import as_facts, of_options
+
+    return as_facts(problem, of_options(*wanted.demands))
 
 
 def _limits(work: SearchOptions, interrupted: "Interruption", pddl: bool) -> "Limits":

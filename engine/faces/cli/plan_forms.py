@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from engine.formats.interop.pddl import PddlProblem
+    from engine.model.windows import Unmet
     from engine.pipelines.moves.planning import Moving
     from engine.pipelines.objective import Run
     from kb.model.problem import Problem
@@ -50,6 +51,7 @@ def document(made: Made, stats: bool) -> dict[str, Any]:
         from engine.formats.report import itinerary
 
         content |= itinerary.entry(run)
+    content |= _unmet(made).entry()
     if run.timetable:
         content["makespan"] = proof_entry(run.timetable.schedule, run.timetable.scope)
     if stats:
@@ -64,6 +66,7 @@ def document(made: Made, stats: bool) -> dict[str, Any]:
 def text(made: Made, stats: bool, folded: bool) -> "RenderableType":
     """The outcome as people read it; `folded`: the MACROPs in the plan stand for its steps."""
     from rich.console import Group
+    from rich.text import Text
 
     from engine.faces.cli.origin import origin_text
     from engine.formats.report import text as report
@@ -76,11 +79,25 @@ def text(made: Made, stats: bool, folded: bool) -> "RenderableType":
         from engine.formats.report import itinerary
 
         parts.append(itinerary.text(run, made.problem.domain.time_unit))
+    parts += [Text(line) for line in _unmet(made).lines(made.problem.domain.time_unit)]
     if made.moving is not None:
         from engine.formats.report import moves
 
         parts += moves.text(made.moving)
     return Group(*parts, *([report.statistics(run.outcome.statistics)] if stats else []))
+
+
+def _unmet(made: Made) -> "Unmet":
+    """What the problem asks of the times of measurements, and the plan does not keep."""
+    from engine.model.outcome import Found
+    from engine.model.windows import Unmet
+    from engine.pipelines.plan_files import unmet
+    from kb.model.plan import Claims
+
+    outcome, starts = made.run.outcome, made.run.starts
+    if not isinstance(outcome, Found) or starts is None:
+        return Unmet()
+    return unmet(made.problem, outcome.plan, Claims(dict(starts)))
 
 
 def raw(made: Made, form: PlanForm) -> str | None:

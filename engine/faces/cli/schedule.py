@@ -94,6 +94,15 @@ class EffortOptions:
     seed: int
 
 
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What an answer tells beside a schedule: the unit of time, the timetable of a plan, and lines about what it does not keep."""
+
+    unit: str = ""
+    timetable: "Timetable | None" = None
+    unmet: tuple[str, ...] = ()
+
+
 def _schedule(wanted: ScheduleRequest, form: ScheduleForm, stats: bool, effort: EffortOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.formats.interop.shops import shop_of
@@ -157,16 +166,19 @@ def _timetable(
     from engine.formats.report.gantt import schedule_entry
     from engine.model.outcome import Found
     from engine.model.schedule import Timetable
+    from engine.pipelines.plan_files import unmet
     from engine.pipelines.timetable.kept import LONG
+    from kb.model.plan import Claims
 
     if not isinstance(made, Timetable):
         return _none(made)
     planned = json.outcome(Found(made.plan), problem, starts=made.starts)["plan"]
     entry = schedule_entry(made.shop, made.schedule, made.scope, staged=len(made.plan.steps) <= LONG)
     content = {"schedule": entry, "note": made.note, "bounded_by": bottleneck_entry(made), "plan": planned}
-    content |= {"missed_windows": dict(made.missed)} if made.missed else {}
-    unit = problem.domain.time_unit
-    return _answer(made.shop, made.schedule, content, made.statistics, form, stats, unit, made)
+    unit, broken = problem.domain.time_unit, unmet(problem, made.plan, Claims(dict(made.starts)))
+    content |= broken.entry()
+    shown = Shown(unit, made, tuple(broken.lines(unit)))
+    return _answer(made.shop, made.schedule, content, made.statistics, form, stats, shown)
 
 
 def _none(found: "Infeasible | GaveUp") -> Answer:
@@ -186,16 +198,15 @@ def _answer(
     statistics: "Statistics",
     form: ScheduleForm,
     stats: bool,
-    unit: str = "",
-    timetable: "Timetable | None" = None,
+    shown: Shown = Shown(),
 ) -> Answer:
     from engine.formats.report import json
 
     if stats:
         content["statistics"] = json.statistics(statistics)
-    raw = _chart(shop, made, unit, timetable) if form is ScheduleForm.SVG else None
+    raw = _chart(shop, made, shown.unit, shown.timetable) if form is ScheduleForm.SVG else None
     figures = statistics if stats else None
-    said = (lambda: _text(shop, made, figures, unit, timetable)) if raw is None else None
+    said = (lambda: _text(shop, made, figures, shown)) if raw is None else None
     return Answer("optimal" if made.proved else "found", content, said, raw=raw)
 
 
@@ -213,14 +224,17 @@ def _text(
     shop: "Shop",
     made: "Schedule",
     statistics: "Statistics | None",
-    unit: str,
-    timetable: "Timetable | None",
+    shown: Shown,
 ) -> "RenderableType":
     from rich.console import Group
+    from rich.text import Text
 
     from engine.formats.report import starts, text
     from engine.formats.report.gantt import charted, charted_shop
 
+    unit, timetable = shown.unit, shown.timetable
     table = starts.of_steps(timetable, unit) if timetable else starts.of_stages(shop, made, unit)
     parts = charted(timetable, unit) if timetable else charted_shop(shop, made, unit)
-    return Group(table, "", *parts, *([text.statistics(statistics)] if statistics else []))
+    return Group(
+        table, "", *parts, *map(Text, shown.unmet), *([text.statistics(statistics)] if statistics else [])
+    )

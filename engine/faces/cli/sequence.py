@@ -10,7 +10,7 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
-from engine.faces.cli.options import Seed, TimeLimit, refuse_idle
+from engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows, refuse_idle
 
 if TYPE_CHECKING:
     from engine.model.outcome import GaveUp, Infeasible
@@ -72,14 +72,6 @@ Restored = Annotated[
     list[str] | None, typer.Option("--restored", help="visits, tools and resources that can be used again")
 ]
 Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
-Windows = Annotated[
-    list[str] | None,
-    typer.Option("--window", help="when a visit may begin, from the start of the tour: 'm3=10..90, m4=..60'"),
-]
-Lasts = Annotated[list[str] | None, typer.Option("--lasts", help="how long a visit takes: 'm3=4, m4=6'")]
-Before = Annotated[
-    list[str] | None, typer.Option("--before", help="visits that come in this order, separated by commas")
-]
 Shown = Annotated[TourForm, typer.Option("--format", help="how the tour is written")]
 
 

@@ -82,7 +82,6 @@ def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None"
     """The verdict of the checker. What it prints of the plan is computed from the steps, which are as the domain says."""
     from rich.text import Text
 
-    from engine.model.windows import outside
     from engine.pipelines import plan_files
 
     found = plan_files.check_plan(problem, plan, name, claims)
@@ -94,7 +93,7 @@ def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None"
     lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
     steps, links = counted(len(plan.steps), "step"), counted(len(plan.links), "causal link")
     said = f"valid: {steps}, cost {plan.cost}{lasts}, {links}"
-    if missed := plan_files.missed_windows(problem, plan, claims):
-        content |= {"missed_windows": missed}
-        said += f"\n{outside(missed, problem.domain.time_unit)}"
+    unmet = plan_files.unmet(problem, plan, claims)
+    content |= unmet.entry()
+    said = "\n".join((said, *unmet.lines(problem.domain.time_unit)))
     return Answer("valid", content, text=lambda: Text(said))

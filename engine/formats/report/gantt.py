@@ -17,7 +17,6 @@ from engine.formats.report.bounds import bounds
 from engine.model.bottleneck import bottleneck
 from engine.model.schedule import Schedule, Timetable
 from engine.model.shop import Hold, Resource, Shop
-from engine.model.windows import outside
 
 STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
 SHOP = "of all schedules of this shop"
@@ -235,7 +234,6 @@ def charted(made: Timetable, unit: str) -> list[RenderableType]:
     """The chart of a timetable, its makespan, and why it has a row for each step where it has."""
     parts = charted_shop(made.shop, made.schedule, unit, made.scope)
     notes = [kept_order(made)] if made.note else []
-    notes += [outside(made.missed, unit)] if made.missed else []
     return [*parts, *map(Text, (bounds(bottleneck(made.plan, made.starts), unit), *notes))]
 
 

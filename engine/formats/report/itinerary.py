@@ -11,7 +11,6 @@ from rich.text import Text
 from engine.formats.report import inspection, tour
 from engine.formats.report.rows import TextTable
 from engine.model.outcome import Found
-from engine.model.windows import outside
 from engine.model.wording import counted
 from engine.pipelines.objective import Run
 from kb.model.plan import Plan
@@ -50,8 +49,6 @@ def entry(run: Run) -> dict[str, Any]:
     groups = inspection.entry(way.partition)
     groups["impossible"] |= way.unasked
     content: dict[str, Any] = {"sequence": {**found, "partition": groups}}
-    if missed := missed_windows(run):
-        content["missed_windows"] = dict(missed)
     if isinstance(run.outcome, Found):
         content["times"] = {
             name: {"steps": own.steps, "duration": own.duration, "longest": own.longest}
@@ -75,25 +72,11 @@ def text(run: Run, unit: str) -> RenderableType:
     said: list[RenderableType] = [
         Text(f"In the order of the sequence{kept}: {tour.summary(way.tour, way.problem)}")
     ]
-    said += [Text(line) for line in _outside(run, unit)]
+    said += [Text(f"Not all windows can be kept: {way.unkept}.")] if way.unkept else []
     said += [Text(line) for line in (*_left_out(way.partition.impossible), *_unasked(way.unasked))]
     if isinstance(run.outcome, Found) and run.timetable is not None:
         said.insert(0, _times(run.outcome.plan, unit))
     return Group(*said)
-
-
-def missed_windows(run: Run) -> Mapping[str, int]:
-    """The visits that the plan begins outside their windows, each with its begin after that of the tour."""
-    return {} if run.timetable is None else run.timetable.missed
-
-
-def _outside(run: Run, unit: str) -> list[str]:
-    """A line that names the visits which the plan begins outside their windows; none if there are none."""
-    missed = missed_windows(run)
-    if not missed or run.itinerary is None:
-        return []
-    why = f": {run.itinerary.unkept}" if run.itinerary.unkept else ""
-    return [f"Not all windows are kept{why}. {outside(missed, unit)}"]
 
 
 def _times(plan: Plan, unit: str) -> RenderableType:

@@ -7,6 +7,7 @@ from engine.model.moves import Leg, MovedStep, Unmoved
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from engine.model.passing import Sharing, Zone
     from engine.pipelines.moves.planning import Moving
 
 
@@ -21,10 +22,33 @@ def text(moving: "Moving") -> "list[RenderableType]":
         for each in moving.steps:
             table.add_row(str(each.step), each.place, _legs(each), f"{each.seconds:.1f}")
         found += [table, Text(_proof(moving.steps))]
+    if moving.sharing is not None:
+        found += [Text(line) for line in sharing(moving.sharing)]
     for refused in moving.refused:
         found.append(Text(f"{refused.operator} was left out: it has no motion, {_where(refused)}"))
     found += [Text(f"{each.goal} is given up: {each.why}") for each in moving.given_up]
     return found
+
+
+def sharing(shared: "Sharing") -> list[str]:
+    """How the arms keep apart, as lines of text."""
+    found = []
+    for zone in shared.zones:
+        who = "; ".join(f"{arm} in {_numbers(steps)}" for arm, steps in zone.steps.items())
+        found.append(f"{zone.name}: a space of {_size(zone)} that the arms share: {who}")
+    said = f"{shared.apart} pairs of steps of two arms are proved never to meet"
+    if shared.ordered:
+        said += f"; of {shared.ordered} that could, one waits for the other"
+    return [*found, f"{said}. That holds however late a step is."]
+
+
+def _numbers(steps: "tuple[int, ...]") -> str:
+    return f"step {steps[0]}" if len(steps) == 1 else f"steps {', '.join(map(str, steps))}"
+
+
+def _size(zone: "Zone") -> str:
+    sides = (high - low for low, high in zip(zone.lower, zone.upper, strict=True))
+    return " x ".join(f"{side:.2f}" for side in sides) + " m"
 
 
 def _legs(step: MovedStep) -> str:
@@ -64,6 +88,24 @@ def entry(moving: "Moving") -> dict[str, Any]:
             for each in moving.refused
         ],
         "given_up": [{"goal": each.goal, "why": each.why} for each in moving.given_up],
+        **({"sharing": _sharing(moving.sharing)} if moving.sharing is not None else {}),
+    }
+
+
+def _sharing(shared: "Sharing") -> dict[str, Any]:
+    return {
+        "zones": [
+            {
+                "name": zone.name,
+                "lower_m": list(zone.lower),
+                "upper_m": list(zone.upper),
+                "steps": {arm: list(steps) for arm, steps in zone.steps.items()},
+            }
+            for zone in shared.zones
+        ],
+        "never_meet": shared.apart,
+        "ordered": shared.ordered,
+        "orders": sorted(map(list, shared.held)),
     }
 
 
@@ -86,4 +128,5 @@ def _leg(leg: Leg) -> dict[str, Any]:
         "times_s": leg.corners_s.tolist(),
         "proved": leg.proved,
         "holding": list(leg.holding),
+        **({"beside": [_leg(each) for each in leg.beside]} if leg.beside else {}),
     }

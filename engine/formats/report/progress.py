@@ -42,6 +42,8 @@ class Progress(Protocol):
     @property
     def outdated(self) -> tuple[str, ...]: ...
     @property
+    def unkept(self) -> str: ...
+    @property
     def next(self) -> PlannedVisit | None: ...
 
 
@@ -58,6 +60,7 @@ def entry(found: Progress) -> dict[str, Any]:
         "lower_bound": tour.lower_bound if found.way != "kept" else None,
         "lost": list(plan.lost),
         "bad": dict(plan.bad),
+        "unkept": found.unkept,
         "impossible": dict(plan.impossible),
     }
 
@@ -124,5 +127,6 @@ def _said(found: Progress) -> list[str]:
         lines[0] += ": " + ", ".join(f"{count} {what}" for what, count in counts.items())
         lines += [f"  > {name}: {old} -> {new}" for name, (old, new) in found.moved.items()]
         lines += [f"  + {name}" for name in found.added]
+    lines += [f"not all windows can be kept: {found.unkept}"] if found.unkept else []
     lines += [f"  - {name}: {why}" for name, why in found.dropped.items()]
     return lines + [f"  ! {name} is done, but the problem has changed it since" for name in found.outdated]

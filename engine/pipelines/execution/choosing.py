@@ -14,7 +14,7 @@ from engine.model.forecast import earliest_starts
 from engine.pipelines.execution.adding import is_wish
 from engine.pipelines.execution.compiling import hands_of, unit_ms
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
-from engine.pipelines.execution.planned import SHORT, ready
+from engine.pipelines.execution.planned import SHORT, in_windows, ready
 from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.gate import PlanGate
@@ -44,7 +44,9 @@ def choices(course: Progress, scope: Scope) -> Iterator[Choice]:
     rest = scope.rest(state)
     for exchange, plan in others(rest, state.facts, busy(course, rest), left, course.gate):
         if _as_urgent(rest, exchange):
-            made = ready(rest, plan, earliest_starts(plan), now, since=course.since)
+            made = in_windows(rest, plan, now, course.since) or ready(
+                rest, plan, earliest_starts(plan), now, since=course.since
+            )
             yield Choice(joined(course, scope, made), _said(exchange, left.steps))
 
 

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field, replace
 
 from engine.model.outcome import Found, Outcome
 from engine.model.schedule import Timetable
+from engine.model.windows import begun, outside
 from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of, unit_ms
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.timetable import timed
+from engine.pipelines.timetable import from_then_on, timed
+from engine.pipelines.timetable.kept import kept
 from engine.pipelines.timetable.wishes import wishes_for
 from engine.stages.grounding import ground
 from engine.stages.macros.lifted.execution import changes_of
@@ -23,7 +25,9 @@ from kb.terms import Atom, Term
 WORK = 1.0  # of the scheduler for a recovery, about seconds of one core
 SHORT = 120  # steps of a recovery that are scheduled anew; longer ones keep their order
 
-Since = Mapping[Atom, int]  # when facts became true, in milliseconds of the run's clock
+Since = Mapping[
+    Atom, int
+]  # when facts became true, and measurements began, in milliseconds of the run's clock
 NOTHING: Since = {}
 FREE: Mapping[Term, int] = {}
 
@@ -68,13 +72,36 @@ def again(
 
     What is `busy` with steps under way is free after so many of the domain's units of time.
     """
+    if not any(step.duration for step in plan.steps):
+        return ready(problem, plan, None, begin_ms, since=since)
+    if (waiting := in_windows(problem, plan, begin_ms, since, busy)) is not None:
+        return waiting
     starts: Mapping[StepId, int] | None = None
-    if any(step.duration for step in plan.steps) and len(plan.steps) <= SHORT:
+    if len(plan.steps) <= SHORT:
         work = ScheduleLimits(WORK, limits.seed, interrupted=limits.interrupted)
         made = timed(problem, ground(problem), plan, work, busy, int(begin_ms // unit_ms(problem.domain)))
         if isinstance(made, Timetable):
             plan, starts = made.plan, made.starts
     return ready(problem, plan, starts, begin_ms, since=since)
+
+
+def in_windows(
+    problem: Problem, plan: Plan, begin_ms: int, since: Since, busy: Mapping[Term, int] = FREE
+) -> Ready | None:
+    """The program of a plan whose measurements wait for their windows; None if they have none.
+
+    Windows count from the start of the tour, which may be under way. Those that are missed are told in a note.
+    """
+    wishes, unit = wishes_for(PlanGate().semantics(problem), plan), unit_ms(problem.domain)
+    if not wishes.windows:
+        return None
+    began = begun(problem, wishes.windows, {atom: int(at_ms // unit) for atom, at_ms in since.items()})
+    begin = int(begin_ms // unit)
+    made = kept(problem, plan, from_then_on(wishes, begin, busy, began))
+    shift = 0 if began is None else begin - began
+    late = {name: at + shift for name, at in made.missed.items()}
+    notes = (outside(late, problem.domain.time_unit),) if late else ()
+    return replace(ready(problem, plan, made.starts, begin_ms, since=since), notes=notes)
 
 
 def ready(

@@ -120,7 +120,8 @@ class Progress:
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
-    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
+    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
+    measured: str = ""  # what facts of measurements that are made are called
     look: Callable[[RunState], None] | None = None
     gate: PlanGate = field(default_factory=PlanGate)  # it keeps what it knows of the cell
 
@@ -188,7 +189,9 @@ class Progress:
         self.done.add(activity)
         self.written.done.add(activity)
         if self.compiled.program.timed:
-            self.since.update(dict.fromkeys(new, self.standing.now_ms))
+            self.since |= {
+                atom: ended.started_ms if atom.name == self.measured else self.standing.now_ms for atom in new
+            }
         self._look_at_the_forecast(activity, ended.started_ms)
         self.sent.pop(ended.number, None)
         work = achievement(len(self.history) + 1, self.replies.step(activity), new, moved)

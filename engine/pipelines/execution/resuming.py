@@ -70,7 +70,7 @@ class Past:
     additions: list[dict[str, Any]] = field(
         default_factory=list
     )  # further commands, as a checkpoint has them
-    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
+    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
 
     def __post_init__(self) -> None:
         self.whole = self.scope.problem  # with what was added
@@ -167,7 +167,8 @@ class Past:
         self.done[content["step"]] = record.at_ms
         self._ended(content["step"], record.at_ms - content["started_ms"])
         if self.plan is not None and self.plan["timed"]:
-            self.since.update(dict.fromkeys(fresh, record.at_ms))
+            measured, began = self.scope.problem.domain.conventions.measured, content["started_ms"]
+            self.since |= {atom: began if atom.name == measured else record.at_ms for atom in fresh}
         self.sent.pop(content["command"], None)
         work = achievement(len(self.history) + 1, read_atom(content["action"]), fresh, moved)
         if self.memory.keeps(work):

@@ -12,7 +12,7 @@ from engine.model.outcome import Found
 from engine.pipelines import planning
 from engine.pipelines.execution.choosing import Choice, busy, choices
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
-from engine.pipelines.execution.planned import SHORT, Ready, again, ready
+from engine.pipelines.execution.planned import SHORT, Ready, again, in_windows, ready
 from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.simulation import Dynamics, WorldState
@@ -143,7 +143,9 @@ def _others(course: Progress, scope: Scope, limits: Limits, late: bool) -> Itera
         if len(left.steps) <= SHORT:
             yield again(rest, left, now, limits, course.since, busy(course, rest))
         if late and (plan := _taken_away(course, scope, state, limits)) is not None:
-            yield ready(rest, plan, keeping(rest, plan).starts, now, since=course.since)
+            yield in_windows(rest, plan, now, course.since) or ready(
+                rest, plan, keeping(rest, plan).starts, now, since=course.since
+            )
     except InvalidInput:
         return  # what is left has no schedule: the plan stays as it is
 

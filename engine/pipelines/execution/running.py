@@ -96,6 +96,7 @@ class Execution:
             memory=Memory.of(self.base),
             every=EVERY,
             measuring=Measuring(self.problem),
+            measured=self.problem.domain.conventions.measured,
         )
 
     def guarded(
@@ -208,6 +209,8 @@ class Execution:
         fresh = standing or self._rested(course, scope, found, compiled)
         running = [[number, each.activity] for number, each in sorted(fresh.running.items())]
         entry = {**plan_entry(found, why, scope), **standing_entry(compiled.program, fresh, course.accuracy)}
+        if found.notes:
+            self.recorder.note(RecordKind.DECISION, what="times", why=" ".join(found.notes))
         course.planned({**entry, **({"running": running} if running else {})})
         course.world.chains = scope.problem.chains
         for chain in scope.problem.chains:

@@ -3,19 +3,20 @@
 A problem gives them as facts, the command line as options; both are counted together.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 
+from engine.model.measurements import measurements_of
 from engine.model.tour import ENDLESS, TourProblem, Visit
 from kb.asp.statics import evaluated
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.model.amounts import Facts
+from kb.model.amounts import LARGEST, Facts
 from kb.model.conventions import Conventions
 from kb.model.problem import Problem
 from kb.numbers import is_count
-from kb.terms import Number, Term
+from kb.terms import Function, Number, Term
 
 Window = tuple[int, int | None]
 
@@ -158,6 +159,41 @@ def known(demands: Demands, names: set[str]) -> None:
                 raise InvalidInput([unknown_name("visit", name, names, Source(option))])
 
 
+def as_facts(problem: Problem, demands: Demands) -> Problem:
+    """The problem with demands as static facts, in place of those that it has on the same measurements. Raises `InvalidInput`.
+
+    So whoever plans, times or checks keeps them, and a plan file holds them.
+    """
+    words = problem.domain.conventions
+    facts = [
+        *(_fact(words.window, name, first, last) for name, (first, last) in demands.windows.items()),
+        *(_fact(words.lasts, name, each) for name, each in demands.lasts.items()),
+        *(Function(words.before, (Function(one), Function(other))) for one, other in demands.before),
+    ]
+    for name in dict.fromkeys(fact.name for fact in facts):
+        if name not in problem.domain.predicates:
+            hint = f"declare the static {name}, as bulkhead does"
+            raise InvalidInput(
+                [Diagnostic(Source(problem.path), "K405", f"the domain declares no '{name}'", hint)]
+            )
+    known(demands, set(measurements_of(problem)))
+    told = {(fact.name, fact.arguments[0]) for fact in facts if fact.name != words.before}
+    old = (
+        fact for fact in problem.statics if not fact.arguments or (fact.name, fact.arguments[0]) not in told
+    )
+    found = replace(problem, statics=tuple(dict.fromkeys((*old, *facts))))
+    if wrong := findings_of(found):
+        raise InvalidInput(wrong)
+    return found
+
+
+def _fact(predicate: str, name: str, *values: int | None) -> Function:
+    """A fact that gives a measurement numbers; the greatest number stands for none."""
+    return Function(
+        predicate, (Function(name), *(Number(LARGEST if value is None else value) for value in values))
+    )
+
+
 def with_demands(tours: TourProblem, demands: Demands) -> TourProblem:
     """The tour with windows, durations and precedence. Demands on what is no visit of the tour are left out."""
     place = {visit.name: number for number, visit in enumerate(tours.visits)}
@@ -167,6 +203,22 @@ def with_demands(tours: TourProblem, demands: Demands) -> TourProblem:
         visits=tuple(_visit(each, demands) for each in tours.visits),
         precedence=tuple(dict.fromkeys((*tours.precedence, *pairs))),
     )
+
+
+def without_windows(tours: TourProblem) -> TourProblem:
+    """The tour whose visits may begin at any time."""
+    return replace(tours, visits=tuple(replace(visit, window=None) for visit in tours.visits))
+
+
+def later(demands: Demands, over: int, past: Collection[str]) -> Demands:
+    """What is left of demands when so much time is over. Nothing is asked any more of the begin and the order of `past` visits."""
+    windows = {
+        name: (max(0, first - over), None if last is None else last - over)
+        for name, (first, last) in demands.windows.items()
+        if name not in past
+    }
+    before = tuple(pair for pair in demands.before if not {*pair} & {*past})
+    return replace(demands, windows=windows, before=before)
 
 
 def _visit(visit: Visit, demands: Demands) -> Visit:

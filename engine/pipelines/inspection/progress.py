@@ -10,14 +10,13 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from engine.model.measurements import measurements_of
-from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of, violations
+from engine.model.tour import Longs, Tour, TourProblem, cost_of, violations
 from engine.pipelines.inspection import Partition, positions, tour_problem
+from engine.pipelines.inspection.demands import without_windows
 from engine.pipelines.inspection.losses import parted
-from engine.pipelines.inspection.stations import stations_of
-from engine.pipelines.inspection.ways import ordered
+from engine.pipelines.inspection.rest import tour_of_rest
 from engine.stages.sequencing import Limits, sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.loader.amounts import amounts_of
 from kb.model.problem import Problem
 from kb.store.sequences import PlannedVisit, SequencePlan
 
@@ -43,7 +42,7 @@ class Progress:
     `problem` and `tour` are those of the rest, and begin at the last visit done if there is one. The visits of the old
     rest fall into four groups: `kept` are in the old order relative to each other, `reordered` are not, `moved` have
     another tool (old, new), and `dropped` are left out, with the reason. `added` are new visits. `outdated` are visits
-    done whose position in the problem has changed or that the problem no longer has.
+    done whose position in the problem has changed or that the problem no longer has. `unkept` says why no order keeps all windows.
     """
 
     plan: SequencePlan
@@ -56,6 +55,7 @@ class Progress:
     added: tuple[str, ...] = ()
     dropped: Mapping[str, str] = field(default_factory=dict)
     outdated: tuple[str, ...] = ()
+    unkept: str = ""
 
     @property
     def next(self) -> PlannedVisit | None:
@@ -169,43 +169,23 @@ def _sequenced(
 ) -> Progress:
     """The rest in its old order if nothing about it has changed; else in the best order found."""
     behind = len(now.done) - len(old.done)
-    problem, first = _tours(now, wanted, phases, inspection)
+    problem, first = tour_of_rest(now, wanted, phases, inspection)
     standing = old.rest[behind:]
     on_course = now.done[len(old.done) :] == old.rest[:behind] and old.changes == now.changes
     if not _empty(old) and on_course and {*standing} == {*wanted}:
-        same, _ = _tours(now, standing, phases, inspection)
+        same, _ = tour_of_rest(now, standing, phases, inspection)
         order = tuple(range(len(same.visits)))
         if not order or not violations(same, order):
             tour = Tour(order, cost_of(same, order) if order else 0, 0)
             return Progress(replace(now, rest=standing), "kept", same, tour)
-    found = sequence(problem, limits)
+    found, unkept = sequence(problem, limits), ""
+    if problem.timed and not isinstance(found, Tour):
+        unkept, problem = found.reason, without_windows(problem)
+        found = sequence(problem, limits)
     tour = _steadier(problem, _inserted(problem, wanted, old.rest, first), found)
     rest = tuple(wanted[each - first] for each in tour.order[first:])
-    return Progress(replace(now, rest=rest), "made" if _empty(old) else "resequenced", problem, tour)
-
-
-def _tours(
-    plan: SequencePlan, rest: Visits, phases: Mapping[str, int], inspection: Problem
-) -> tuple[TourProblem, int]:
-    """The tour problem of the rest, and 1 if it starts with the last visit done, else 0. What is done was in time."""
-    before = plan.done[-1:]
-    first = min(phases.values(), default=0)
-    facts = amounts_of(inspection).facts
-    stations, shifts = stations_of(facts, inspection.domain.conventions)
-    visits = tuple(
-        Visit(
-            each.name,
-            each.position or None,
-            each.tool,
-            phase=first if number < len(before) else phases.get(each.name, 0),
-            station=stations.get(each.name, ""),
-        )
-        for number, each in enumerate((*before, *rest))
-    )
-    changes = {(a, b): cost for a, b, cost in plan.changes}
-    start = 0 if before else None
-    made = ordered(inspection, plan.problem, visits, changes, start, facts=facts)
-    return replace(made, shifts=shifts), len(before)
+    way = "made" if _empty(old) else "kept" if unkept and rest == standing else "resequenced"
+    return Progress(replace(now, rest=rest), way, problem, tour, unkept=unkept)
 
 
 def _inserted(problem: TourProblem, wanted: Visits, old: Visits, first: int) -> tuple[int, ...]:

@@ -104,7 +104,8 @@ def _of_step(
     for leg in moved.legs:
         lasts = moved.takes_s if leg.kind is LegKind.DRIVE else leg.seconds
         for at in _moments(lasts, every_s):
-            arms[leg.arm] = leg.at(at)
+            for each in (leg, *leg.beside):
+                arms[each.arm] = each.at(at)
             yield Shot(t + at, _with(_during(take, leg, operation, at / lasts if lasts else 1.0), arms))
         t += lasts
         if leg.kind is LegKind.IN and moved.takes_s:
@@ -124,6 +125,9 @@ def _during(take: Take, leg: Leg, operation: Operation, share: float) -> World:
             body = operation.drags or operation.drives
             first, last = guide_value(take.before, body), guide_value(take.after, body)
             return take.before.guided(body, first + share * (last - first))
+        case LegKind.CARRY:
+            held = take.before.moved(leg.arm, leg.path[0])
+            return held.affix(str(operation.carries), f"{leg.arm}.tool")
 
 
 def _moments(lasts: float, every_s: float) -> list[float]:

@@ -112,10 +112,15 @@ class Hands:
 
 def corners_s(arm: Arm, path: Floats, factor: float = 1.0) -> Floats:
     """When an arm is at each configuration of a path (m, k), in the least time within what a share of its joints' limits allows."""
+    return fastest(path, limits_at(arm, factor)).corners_s
+
+
+def limits_at(arm: Arm, factor: float) -> Limits:
+    """A share of what the joints of an arm can do."""
     speed = np.array([joint.speed or UNKNOWN_SPEED for joint in arm.joints]) * factor
     rated = np.array([joint.acceleration or SWIFT * (joint.speed or UNKNOWN_SPEED) for joint in arm.joints])
     rated = rated * factor
-    return fastest(path, Limits(speed, rated, rated * ABRUPT)).corners_s
+    return Limits(speed, rated, rated * ABRUPT)
 
 
 def held(world: World, arm: str) -> tuple[str, ...]:

@@ -11,11 +11,14 @@ from dataclasses import dataclass, replace
 
 from engine.model.moves import MovedStep, Unmoved
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
-from engine.model.schedule import Timetable
+from engine.model.passing import Sharing
+from engine.model.schedule import Schedule, Timetable
 from engine.pipelines.attainment import GivenUp
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.bars import told, without_blocked
 from engine.pipelines.moves.leaving_out import within_reach
+from engine.pipelines.moves.meetings import Encounters
+from engine.pipelines.moves.passing import Shared, kept_apart
 from engine.pipelines.moves.places import measured_at
 from engine.pipelines.moves.states import in_order
 from engine.pipelines.moves.walking import Walk, Ways
@@ -23,9 +26,12 @@ from engine.pipelines.objective import Run
 from engine.pipelines.parts.patching import patched
 from engine.pipelines.timetable import keeping, own_order, timed
 from engine.pipelines.timetable.kept import LONG
+from engine.pipelines.timetable.orders import by_step
+from engine.pipelines.timetable.wishes import wishes_for
 from engine.ports import GeometryBackend
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
+from engine.stages.scheduling.blocks import mentions
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Cell
 from kb.model.plan import Plan, StepId
@@ -35,6 +41,7 @@ from kb.terms import Function
 
 MOST_BARS = 60  # steps without motion, after which planning gives up
 NONE_LOST: Mapping[str, str] = {}
+PASSING = "of all ways in which the arms pass each other, each with its steps in this order"
 ROUNDS = 4  # schedules, each of whose order is walked through again
 
 
@@ -42,7 +49,8 @@ ROUNDS = 4  # schedules, each of whose order is walked through again
 class Moving:
     """A run whose plan moves. `problem` has the real times of the steps, `steps` their motions, `refused` what had none.
 
-    `given_up` are goals about measurements that no arm can take; `problem` is without them.
+    `given_up` are goals about measurements that no arm can take; `problem` is without them. `sharing` says how several arms keep
+    apart.
     """
 
     run: Run
@@ -50,6 +58,7 @@ class Moving:
     steps: tuple[MovedStep, ...] = ()
     refused: tuple[Unmoved, ...] = ()
     given_up: tuple[GivenUp, ...] = ()
+    sharing: Sharing | None = None
 
 
 def plan_moving(
@@ -171,10 +180,42 @@ def _made(
 ) -> Moving:
     """The answer, which has passed the gate with the times of its motions in place of those of the domain."""
     assert isinstance(run.outcome, Found)
+    sharing = None
+    if len(asked.walk.cell.arms) > 1:
+        shared = _kept_apart(asked, table)
+        if isinstance(shared, str):
+            reason = f"the arms get in each other's way: {shared}"
+            return Moving(Run(GaveUp(reason, "work")), asked.problem, refused=tuple(refused))
+        table, steps, sharing = _as_table(asked, table, shared), shared.steps, shared.sharing
     problem = replace(asked.problem, durations=_times(steps, asked.problem))
     plan = PlanGate().accepted(problem, table.plan)
     outcome = replace(run.outcome, plan=plan, optimal=False)
-    return Moving(replace(run, outcome=outcome, timetable=table), problem, tuple(steps), tuple(refused))
+    made = replace(run, outcome=outcome, timetable=table)
+    return Moving(made, problem, tuple(steps), tuple(refused), sharing=sharing)
+
+
+def _kept_apart(asked: _Asked, table: Timetable) -> Shared | str:
+    """The plan in which several arms keep apart."""
+    wishes = wishes_for(asked.walk.semantics, table.plan)
+    release = {
+        step.id: max(time, 0)
+        for step in table.plan.steps
+        for subject, time in wishes.release.items()
+        if mentions(step.operator, subject)
+    }
+
+    def lasting(plan: Plan, steps: Sequence[MovedStep]) -> Plan:
+        return _with_times(asked.barred, plan, steps)[1]
+
+    return kept_apart(asked.walk, table.plan, lasting, Encounters(asked.walk.backend), release)
+
+
+def _as_table(asked: _Asked, table: Timetable, shared: Shared) -> Timetable:
+    """The timetable of the plan in which the arms keep apart."""
+    bound = min(shared.sharing.lower_bound, shared.makespan)
+    made = Schedule({}, (), shared.makespan, bound, proved=shared.sharing.proved)
+    problem = replace(asked.barred, durations=_times(shared.steps, asked.barred))
+    return by_step(problem, shared.plan, shared.starts, made, table.note, PASSING)
 
 
 def _times(steps: Sequence[MovedStep], problem: Problem) -> Mapping[Function, int]:

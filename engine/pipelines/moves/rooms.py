@@ -104,6 +104,18 @@ class Room:
 
         Corners that the straight line between their neighbours passes near enough are left out. None where the arm cannot follow.
         """
+        paths, follows = self.tracked(arm, T_base_flange, at)
+        kept = corners_within(self._model(arm), paths, T_base_flange)
+        return [
+            path[corners] if follow else None
+            for path, corners, follow in zip(paths, kept, follows, strict=True)
+        ]
+
+    def tracked(self, arm: str, T_base_flange: Floats, at: Floats) -> tuple[Floats, Truths]:
+        """A configuration for each of the poses (n, m, 4, 4) of the flange, from configurations `at` (n, k) on, without a jump.
+
+        Returns (n, m, k), and which of the rows (n,) the arm can follow.
+        """
         model, (count, length) = self._model(arm), T_base_flange.shape[:2]
         found = self.kinematics[arm].solve(T_base_flange.reshape(-1, 4, 4))
         q = found.q.reshape(count, length, *found.q.shape[1:])
@@ -115,11 +127,7 @@ class Room:
             best = np.argmin(away, axis=1)
             follows &= away[np.arange(count), best] <= JUMP
             paths[:, n] = near[np.arange(count), best]
-        kept = _corners(model, paths, T_base_flange)
-        return [
-            path[corners] if follow else None
-            for path, corners, follow in zip(paths, kept, follows, strict=True)
-        ]
+        return paths, follows
 
     def is_free(self, place: Place, path: Floats) -> bool:
         """Whether nothing touches that must not, or deeper than it may, anywhere on a path (m, k) of the place's arm.
@@ -156,9 +164,11 @@ class Room:
         return self.reach.contacts(place, self.whole(place.arm, q[None])[0])
 
 
-def _corners(model: ArmModel, paths: Floats, poses: Floats) -> Truths:
+def corners_within(
+    model: ArmModel, paths: Floats, poses: Floats, within_m: float = STRAIGHT_TOLERANCE_M
+) -> Truths:
     """Which corners of paths (n, m, k) are kept (n, m): the straight line of the joints from each to the next keeps the flange
-    near its poses (n, m, 4, 4).
+    within a distance of its poses (n, m, 4, 4).
     """
     kept = np.zeros(paths.shape[:2], dtype=bool)
     kept[:, [0, -1]] = True
@@ -171,7 +181,7 @@ def _corners(model: ArmModel, paths: Floats, poses: Floats) -> Truths:
         ends = paths[rows, first, None], paths[rows, last, None]
         between = model.flange_pose(ends[0] + share * (ends[1] - ends[0]))
         off = np.linalg.norm(between[..., :3, 3] - poses[rows, first + 1 : last, :3, 3], axis=2)
-        far, middle = rows[(off >= STRAIGHT_TOLERANCE_M).any(axis=1)], (first + last) // 2
+        far, middle = rows[(off >= within_m).any(axis=1)], (first + last) // 2
         kept[far, middle] = True
         waiting += [(far, first, middle), (far, middle, last)]
     return kept

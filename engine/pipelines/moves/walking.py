@@ -7,12 +7,14 @@ import numpy as np
 
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
+from engine.pipelines.moves.arms import arms_of
 from engine.pipelines.moves.hands import Front, Hands, held
 from engine.pipelines.moves.places import measured_cell
 from engine.pipelines.moves.rides import Ride
 from engine.pipelines.moves.rooms import Room
 from engine.pipelines.moves.states import states_of
 from engine.pipelines.moves.steps import StepMotion, guide_value
+from engine.pipelines.moves.together import JointStep
 from engine.ports import GeometryBackend
 from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from engine.stages.geometry.world.following import following
@@ -20,12 +22,13 @@ from engine.stages.geometry.world.model import World
 from engine.stages.validation.changes import State
 from engine.stages.validation.semantics import Semantics
 from kb.model.cell import Cell, Ends, Location, Operation, Place
-from kb.model.plan import Plan, Step
+from kb.model.plan import Plan, Step, StepId
 from kb.syntax import SECONDS
-from kb.terms import Atom, Function, Term, Variable, match, substitute, variables
+from kb.terms import Atom, Function, Variable, match, substitute, variables
 
-_Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, bytes, str, bool]
-_Outcome = tuple[MovedStep | Unmoved, Floats, Front | None]
+_Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, tuple[tuple[bytes, str, bool], ...]]
+_Stand = tuple[str, Floats, Front | None]  # an arm, its configuration, and what it stands before
+_Outcome = tuple[MovedStep | Unmoved, tuple[_Stand, ...]]
 
 
 Ways = Mapping[tuple[str, str], Sequence[Floats]]  # straight ways (m, k) into a place, from a station
@@ -45,7 +48,7 @@ class Walk:
         default_factory=dict
     )  # poses (4, 4) of bodies that no fact puts anywhere
     _last: tuple[State, frozenset[Atom]] = (frozenset(), frozenset())
-    _rooms: dict[tuple[frozenset[Atom], bytes], Room] = field(default_factory=dict)
+    _rooms: dict[tuple[frozenset[Atom], bytes, tuple[str, ...]], Room] = field(default_factory=dict)
     _known: dict[_Situation, _Outcome] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -55,14 +58,19 @@ class Walk:
         self.hands = Hands(self.cell, self.seed, self.bridges)
         self._moving = {each.fact.name for each in self.cell.locations}
 
-    def steps(self, plan: Plan) -> Iterator[MovedStep | Unmoved]:
-        """The motion of each step that has one, in the order of the earliest starts; the first without one is the last."""
+    def steps(self, plan: Plan, home: Collection[StepId] = ()) -> Iterator[MovedStep | Unmoved]:
+        """The motion of each step that has one, in the order of the earliest starts; the first without one is the last.
+
+        After the steps in `home` the arm goes to where it rests.
+        """
         self.hands.go_home()
         for step, before, after in states_of(self.semantics, plan):
             operation = operation_of(self.cell, step.operator)
             if operation is None:
                 continue
             found = self.step(step, operation, before, after)
+            if isinstance(found, MovedStep) and step.id in home:
+                found = self._then_home(found, after)
             yield found
             if isinstance(found, Unmoved):
                 return
@@ -71,31 +79,50 @@ class Walk:
         """The motion of one step from where the arm is now; the arm is at its end then."""
         if operation.drives:
             return self._driven(step, operation, before, after)
-        place = self.cell.places.get(str(operation.at))
-        if place is None:
-            said = f"{operation.at} has no place in the cell"
-            return Unmoved(step.id, step.operator, str(operation.at), "reach", said, sure=True)
-        key = self._situation(step, place.arm, before, after)
+        ends = [each for each in (operation.at, operation.with_place) if each is not None]
+        lacking = next((each for each in ends if str(each) not in self.cell.places), None)
+        if lacking is not None or operation.at is None:
+            said = f"{lacking} has no place in the cell"
+            return Unmoved(step.id, step.operator, str(lacking), "reach", said, sure=True)
+        arms = arms_of(self.cell, step.operator, operation)
+        key = self._situation(step, arms, before, after)
         if key not in self._known:
-            found = self._refined(step, operation, place, before, after)
-            self._known[key] = found, self.hands.now(place.arm), self.hands.standing(place.arm)
-        found, q, front = self._known[key]
-        self.hands.arrive(place.arm, q, front)
+            found = self._refined(step, operation, arms, before, after)
+            stand = tuple((arm, self.hands.now(arm), self.hands.standing(arm)) for arm in arms)
+            self._known[key] = found, stand
+        found, stand = self._known[key]
+        for each in stand:
+            self.hands.arrive(*each)
         return replace(found, step=step.id)
 
-    def _situation(self, step: Step, arm: str, before: State, after: State) -> _Situation:
-        front = self.hands.standing(arm)
-        there, inside = (front.place, front.inside) if front else ("", False)
-        facts = self._located(before), self._located(after)
-        return (step.operator, *facts, self._lying, self.hands.now(arm).tobytes(), there, inside)
+    def _then_home(self, moved: MovedStep, after: State) -> MovedStep:
+        """The step, after which its arms go home one by one; one stays where it is if no way leads there."""
+        legs = list(moved.legs)
+        for arm in dict.fromkeys(leg.arm for leg in moved.legs):
+            home = World.of(self.cell).configurations[arm]
+            way = self.hands.way(self.room(after, (arm,)), arm, home[None])
+            if isinstance(way, Leg) and way.proved:
+                legs.append(way)
+                self.hands.arrive(arm, home, None)
+        return replace(moved, legs=tuple(legs))
+
+    def _situation(self, step: Step, arms: tuple[str, ...], before: State, after: State) -> _Situation:
+        stand = []
+        for arm in arms:
+            front = self.hands.standing(arm)
+            there, inside = (front.place, front.inside) if front else ("", False)
+            stand.append((self.hands.now(arm).tobytes(), there, inside))
+        return (step.operator, self._located(before), self._located(after), self._lying, tuple(stand))
 
     def _refined(
-        self, step: Step, operation: Operation, place: Place, before: State, after: State
+        self, step: Step, operation: Operation, arms: tuple[str, ...], before: State, after: State
     ) -> MovedStep | Unmoved:
-        rooms = self.room(before), self.room(after)
-        found = StepMotion(
-            self.hands, step, operation, place, *rooms, self._known_ways(place, before)
-        ).moved()
+        place, rooms = self.cell.places[str(operation.at)], (self.room(before, arms), self.room(after, arms))
+        known = self._known_ways(place, before)
+        if len(arms) > 1:
+            found = JointStep(self.hands, step, operation, *rooms, known).moved()
+        else:
+            found = StepMotion(self.hands, step, operation, place, *rooms, known).moved()
         if isinstance(found, MovedStep):
             return found
         standing = _carrying(rooms[0].world, place, {*found.culprits, *held(rooms[0].world, place.arm)})
@@ -119,15 +146,17 @@ class Walk:
             if isinstance(each, Variable) and each not in named
         )
 
-    def room(self, state: State) -> Room:
-        """The cell in a state, with the arms where they are."""
+    def room(self, state: State, arms: tuple[str, ...] = ()) -> Room:
+        """The cell in a state as some arms meet it, alone or with each other; with all arms at rest if none are named."""
         facts = self._located(state)
-        key = facts, self._lying
+        key = facts, self._lying, arms
         if key not in self._rooms:
             world = World.of(self.cell)
             for name, T in self.lying.items():
                 world = world.put(name, "world", T)
-            self._rooms[key] = Room(following(world, facts), self.backend, self._kinematics)
+            world = following(world, facts)
+            world = world.of_arms(arms) if arms else world
+            self._rooms[key] = Room(world, self.backend, self._kinematics)
         return self._rooms[key]
 
     @property
@@ -149,8 +178,9 @@ class Walk:
     def _driven(self, step: Step, operation: Operation, before: State, after: State) -> MovedStep | Unmoved:
         """The arm rests while the body that carries it goes along its joint; it goes home first if it would touch something."""
         body = operation.drives
-        arm = next(name for name in self.cell.arms if body in World.of(self.cell).supports(f"{name}.base"))
-        rooms = self.room(before), self.room(after)
+        arms = arms_of(self.cell, step.operator, operation)
+        arm = next(name for name in arms if body in World.of(self.cell).supports(f"{name}.base"))
+        rooms = self.room(before, (arm,)), self.room(after, (arm,))
         ride = Ride.of(rooms[0], body, guide_value(rooms[0].world, body), guide_value(rooms[1].world, body))
         legs: list[Leg] = []
         touched = ride.touched(self._whole(rooms[0], arm))
@@ -193,8 +223,11 @@ def operation_of(cell: Cell, step: Function) -> Operation | None:
     for operation in cell.operations:
         bindings = match(operation.operator, step, {})
         if bindings is not None:
-            at: Term | None = None if operation.at is None else substitute(operation.at, bindings)
-            return replace(operation, operator=step, at=at)
+            at, beside, load = (
+                None if each is None else substitute(each, bindings)
+                for each in (operation.at, operation.with_place, operation.carries)
+            )
+            return replace(operation, operator=step, at=at, with_place=beside, carries=load)
     return None
 
 

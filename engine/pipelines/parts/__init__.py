@@ -67,7 +67,7 @@ def by_sequence(
     way = in_best_order(way, line, cheap)
     line.seconds["start"] = time.perf_counter() - started
     outcome = _planned(problem, way, line)
-    if outcome is not None and way.problem.timed:
+    if outcome is not None and way.problem.timed and not store:  # a kept sequence stays as it is kept
         outcome, way = _on_time(problem, way, outcome, line, asked)
     return None if outcome is None else Sequenced(outcome, way)
 

@@ -8,7 +8,7 @@ from engine.model.measurements import chooses_tools, named
 from engine.model.measurements import wanted as wanted_of
 from engine.model.tour import Tour, TourProblem, cost_of
 from engine.pipelines.inspection import Partition, partition, tour_problem
-from engine.pipelines.inspection.demands import Demands
+from engine.pipelines.inspection.demands import Demands, without_windows
 from engine.pipelines.inspection.places import with_places
 from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.sequencing import Limits, sequence
@@ -150,7 +150,7 @@ def _made(problem: Problem, parts: Partition, limits: Limits, more: Demands) -> 
     limits = replace(limits, proof=PROOF) if asked.timed else limits
     tour, unkept = sequence(asked, limits), ""
     if not isinstance(tour, Tour) and asked.timed:
-        unkept, tour = tour.reason, sequence(_without_windows(asked), limits)
+        unkept, tour = tour.reason, sequence(without_windows(asked), limits)
     if not isinstance(tour, Tour):
         return None
     visits = tuple((asked.visits[n].name, asked.visits[n].tool) for n in tour.order)
@@ -161,10 +161,6 @@ def _bound(problem: TourProblem) -> bool:
     """Whether a tour's ends or orders are asked for."""
     ends = (problem.start, problem.end)
     return problem.closed or problem.ordered or ends != (None, None)
-
-
-def _without_windows(problem: TourProblem) -> TourProblem:
-    return replace(problem, visits=tuple(replace(visit, window=None) for visit in problem.visits))
 
 
 def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Itinerary:

@@ -91,9 +91,7 @@ def timed(
     plan's own order remains and the checker refuses the plan.
     """
     gate = PlanGate()
-    wishes = wishes_for(gate.semantics(problem), plan)
-    wishes = from_then_on(wishes, begin)
-    wishes = replace(wishes, release=_later(wishes.release, busy))
+    wishes = from_then_on(wishes_for(gate.semantics(problem), plan), begin, busy)
     if wishes.windows:
         return kept(problem, _sound(gate, problem, plan), wishes, WINDOWS)
     try:
@@ -109,17 +107,22 @@ def timed(
     return best if best is not None else _as_given(problem, plan, made, wishes, steps.bound)
 
 
-def from_then_on(wishes: Wishes, begin: int) -> Wishes:
+def from_then_on(
+    wishes: Wishes, begin: int, busy: Mapping[Term, int] = NOTHING, tour: int | None = None
+) -> Wishes:
     """The wishes for a plan that begins at a time: what should have ended before is late from the start.
 
-    Windows count from the begin of a tour that is under way by then, so they are given up.
+    What is `busy` then is free after so many units of time. A tour that is under way by then has begun at `tour`.
     """
-    if not begin:
-        return wishes
     release = {each: max(0, time_ - begin) for each, time_ in wishes.release.items()}
-    return replace(
-        wishes, release=release, due={each: due - begin for each, due in wishes.due.items()}, windows={}
-    )
+    due = {each: due - begin for each, due in wishes.due.items()}
+    found = replace(wishes, release=_later(release, busy), due=due)
+    if tour is None:
+        return found
+    windows = {
+        name: (first + tour - begin, last + tour - begin) for name, (first, last) in wishes.windows.items()
+    }
+    return replace(found, windows=windows, under_way=True)
 
 
 def _later(release: Mapping[Term, int], busy: Mapping[Term, int]) -> Mapping[Term, int]:

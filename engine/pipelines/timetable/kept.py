@@ -32,15 +32,17 @@ def kept(problem: Problem, plan: Plan, wishes: Wishes, note: str = "") -> Timeta
     The checker of schedules has replayed it.
     """
     round_, visits = _round(plan, wishes), visits_of(problem, plan) if wishes.windows else {}
-    starts = _starts(plan, wishes, round_, opening(wishes.windows, visits))
+    start = 0 if wishes.under_way else None  # of the tour; None if it starts with the first measurement
+    starts = _starts(plan, wishes, round_, opening(wishes.windows, visits), start)
     last, late = makespan(plan, starts), lateness(plan, wishes, starts)
     made = Schedule({}, (), last, last, late, proved=not wishes.longest_stay)
     timetable = by_step(problem, plan, starts, made, note, KEPT)
-    shop = _travelling(_waiting(timetable.shop, wishes.windows, visits, plan), round_)
+    waiting = timetable.shop if wishes.under_way else _waiting(timetable.shop, wishes.windows, visits, plan)
+    shop = _travelling(waiting, round_)
     replayed = replace(timetable.schedule, tardiness=0)  # due times are of objects, and so of several jobs
     if wrong := check_schedule(shop, replayed):
         raise InternalError([Diagnostic(Source(problem.path), "K508", wrong[0])])
-    outside = missed(wishes.windows, visits, starts)
+    outside = missed(wishes.windows, visits, starts, start)
     return replace(timetable, shop=shop, unwatched=bool(wishes.longest_stay), missed=outside)
 
 
@@ -83,13 +85,14 @@ def _steps_of_arm(plan: Plan, wishes: Wishes) -> tuple[Term, list[Step]] | None:
     return arm, [step for step in plan.steps if arm in step.resources]
 
 
-def _starts(plan: Plan, wishes: Wishes, round_: _Round, opening: Mapping[StepId, int]) -> dict[StepId, int]:
+def _starts(
+    plan: Plan, wishes: Wishes, round_: _Round, opening: Mapping[StepId, int], begin: int | None
+) -> dict[StepId, int]:
     """The earliest start of each step: after the steps that it waits for, its release, the way of the arm to it, and the
-    `opening` of its window after the begin of the tour.
+    `opening` of its window after the `begin` of the tour.
     """
     starts: dict[StepId, int] = {}
     ends: dict[StepId, int] = {}
-    begin: int | None = None
     for step in plan.steps:
         soonest = [ends[before] for before in step.after]
         soonest += [time for subject, time in wishes.release.items() if mentions(step.operator, subject)]

@@ -11,11 +11,11 @@ from engine.pipelines.moves.walking import operation_of
 from engine.pipelines.witness.model import GRIP_N, STEP_S, dragged_by_hand, quaternion, written
 from engine.pipelines.witness.servos import slipped, tolerance, tuned, value_of
 from engine.pipelines.witness.tools import Latches
-from engine.pipelines.witness.touches import Touches
-from engine.pipelines.witness.tree import exchanged, hand_of, held_by, in_hand, is_free
+from engine.pipelines.witness.touches import Touches, allowed_in
+from engine.pipelines.witness.tree import exchanged, hand_of, held_by, in_hand, in_hands, is_free
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
-from kb.model.cell import BodyKind
+from kb.model.cell import BodyKind, Operation
 
 LOOK_S = 0.01  # how often contacts are looked at
 GRIPS_N = 18.0  # how hard a finger presses against what it grips
@@ -71,15 +71,14 @@ class Stage:
         """
         operation = operation_of(before.cell, step.operator)
         assert operation is not None
-        place = before.cell.places.get(step.place)
-        on = before.supports(place.placement.parent) if place is not None else ()
-        named = {*on, *(place.touches if place is not None else ()), operation.drags}
+        named = allowed_in(step.place, operation, before)
         self.step = step.step
         way_in: Leg | None = None
         for leg in step.legs:
             known = after if leg.kind is LegKind.OUT else before
-            self.held = frozenset(held_by(known, leg.arm))
-            self.allowed = frozenset(named) if leg.kind is not LegKind.WAY else frozenset()
+            self.held = in_hands(known)
+            gripped = operation.with_place is not None and way_in is not None
+            self.allowed = named if gripped or leg.kind is not LegKind.WAY else frozenset()
             if leg.kind is LegKind.DRIVE:
                 self._ride(operation.drives, step.takes_s, before, after)
                 continue
@@ -87,16 +86,24 @@ class Stage:
                 return way_in
             if leg.kind is not LegKind.DRAG:
                 self._note_tip(leg, known)
-            if leg.kind is LegKind.IN:
-                way_in = leg
-                q = self.actual(before).configurations[leg.arm]
-                self.off_place = max(self.off_place, float(np.abs(q - leg.path[-1]).max()))
-                self.held |= frozenset(held_by(after, leg.arm))
-                self._at_place(leg.arm, step.takes_s, operation.drags, before, after)
-            elif leg.kind is LegKind.DRAG:
-                self.fingers(leg.arm, after, closed=False)
-                self.wait(SETTLE_S)
+            way_in = leg if leg.kind is LegKind.IN else way_in
+            self._at_end(leg, step.takes_s, operation, before, after)
         return None
+
+    def _at_end(self, leg: Leg, takes_s: float, operation: Operation, before: World, after: World) -> None:
+        """What hands and furniture do at the end of a leg."""
+        if leg.kind is LegKind.IN:
+            q = self.actual(before).configurations[leg.arm]
+            self.off_place = max(self.off_place, float(np.abs(q - leg.path[-1]).max()))
+            self.held |= in_hands(after)
+            if operation.with_place is None:
+                self._at_place(leg.arm, takes_s, operation.drags, before, after)
+            else:
+                self._with_another(leg.arm, takes_s, operation, before, after)
+        elif leg.kind in (LegKind.DRAG, LegKind.CARRY):
+            for each in (leg, *leg.beside):
+                self.fingers(each.arm, after, closed=False)
+            self.wait(SETTLE_S)
 
     def _note_tip(self, leg: Leg, world: World) -> None:
         """Note how far the tip of what the arm holds, else its tool point, is from where the leg leads."""
@@ -133,6 +140,19 @@ class Stage:
             self.latches.exchange(tool, before, after)
         self.wait(max(takes_s, SETTLE_S))
 
+    def _with_another(
+        self, arm: str, takes_s: float, operation: Operation, before: World, after: World
+    ) -> None:
+        """Two arms are at their places, or the first of them is: a body is gripped from both sides before one hand lets go."""
+        other = before.cell.places[str(operation.with_place)].arm
+        if operation.carries is not None:
+            self.fingers(arm, before, closed=True)
+        elif arm != other:
+            self.fingers(arm, after, closed=False)
+            self.wait(SETTLE_S)
+            self.fingers(other, after, closed=False)
+        self.wait(max(takes_s, SETTLE_S))
+
     def fingers(self, arm: str, world: World, closed: bool) -> None:
         """The fingers go where the facts put them; they close until they meet what they hold, or all the way."""
         for name in hand_of(world, arm):
@@ -160,22 +180,27 @@ class Stage:
         """The arm goes along a leg. Whether it gets to the end: if it `stops`, it does not go on without what it drags."""
         began = self.data.time
         first, last = (value_of(before, drags), value_of(after, drags)) if drags else (0.0, 0.0)
-        joints = [f"{leg.arm}/{each.name}" for each in self.world.cell.arms[leg.arm].arm.joints]
+        legs = (leg, *leg.beside)
         stops = stops and leg.kind is LegKind.DRAG
         held = self._seen_from(drags, leg.arm) if stops else np.eye(4)
         while (t := self.data.time - began) < leg.seconds:
-            for joint, value in zip(joints, leg.at(t), strict=True):
-                self.aim(joint, float(value))
+            for each in legs:
+                self._aim_arm(each.arm, each.at(t))
             if leg.kind is LegKind.DRAG:
                 self.aim(drags, first + (last - first) * t / leg.seconds)
             self.tick()
             if stops and slipped(held, self._seen_from(drags, leg.arm)):
                 self.aim(drags, self.value(drags))
                 return False
-        for joint, value in zip(joints, leg.path[-1], strict=True):
-            self.aim(joint, float(value))
+        for each in legs:
+            self._aim_arm(each.arm, each.path[-1])
         self.wait(CATCH_UP_S)
         return not stops or self.is_near(drags, last)
+
+    def _aim_arm(self, arm: str, q: Floats) -> None:
+        """Aim the servos of an arm at a configuration (k,)."""
+        for joint, value in zip(self.world.cell.arms[arm].arm.joints, q, strict=True):
+            self.aim(f"{arm}/{joint.name}", float(value))
 
     def _seen_from(self, body: str, arm: str) -> Floats:
         found: Floats = transforms.inverse(self.pose(body)) @ self.pose(f"{arm}.flange")

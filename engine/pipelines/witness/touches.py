@@ -8,6 +8,7 @@ import numpy as np
 
 from engine.pipelines.witness.tree import worn_by
 from engine.stages.geometry.world.model import World
+from kb.model.cell import Operation
 
 LEAST_N = 1.0  # a contact with less force is a graze of rounding
 
@@ -50,18 +51,33 @@ class Touches:
                 self._strongest[key] = Touched(round(self._data.time, 3), *key, round(float(force[0]), 2))
 
     def _is_strange(self, names: tuple[str, ...], held: Collection[str], allowed: Collection[str]) -> bool:
-        """Whether one of two bodies is the arm's, and the other neither its own nor one that the step allows."""
-        own = [name in held or self._is_hand(name) for name in names]
+        """Whether one of two bodies is an arm's, and the other neither its own nor one that the step allows."""
+        arms = {self._arm_of(name) for name in names} - {""}
+        if len(arms) > 1:
+            return True
+        own = [name in held or bool(self._arm_of(name)) for name in names]
         if all(own) or not any(own):
             return False
         return names[0 if own[1] else 1] not in allowed
 
-    def _is_hand(self, name: str) -> bool:
+    def _arm_of(self, name: str) -> str:
+        """The arm that a body is a part of, or is mounted on; empty if there is none."""
         arms = self._world.cell.arms
         arm = name.partition("/")[0].partition(".")[0]
-        return arm in arms or any(name in worn_by(self._world, each) for each in arms)
+        if arm in arms:
+            return arm
+        return next((each for each in arms if name in worn_by(self._world, each)), "")
 
 
 def body_of(model: "mujoco.MjModel", geom: int) -> str:
     """The body that a shape of a model belongs to."""
     return str(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, model.geom_bodyid[geom]))
+
+
+def allowed_in(place: str, operation: Operation, before: World) -> frozenset[str]:
+    """What may be touched at the places of a step: what they name, what they stand on, and what is dragged."""
+    found = {operation.drags}
+    places = before.cell.places
+    for known in (places[name] for name in (place, str(operation.with_place)) if name in places):
+        found |= {*known.touches, *before.supports(known.placement.parent)}
+    return frozenset(found)

@@ -71,3 +71,8 @@ def hand_of(world: World, arm: str) -> list[str]:
 def in_hand(world: World, body: str) -> bool:
     """Whether an arm has a part or tool in its hand."""
     return any(body in held_by(world, arm) for arm in world.cell.arms)
+
+
+def in_hands(world: World) -> frozenset[str]:
+    """The parts and tools that any arm has in its hand."""
+    return frozenset(body for arm in world.cell.arms for body in held_by(world, arm))

@@ -39,7 +39,7 @@ class Shared:
         self.known: dict[tuple[int, ...], Traits | None] = {}
 
     def of(self, row: list[int], instance: Function) -> Traits | None:
-        """The traits of the instance in `row`; None if one of them has no value, so that there is no such instance."""
+        """The traits of the instance in `row`; None if a resource has no value, so that there is no such instance."""
         key = tuple([row[place] for place in self.places])
         if key not in self.known:
             self.known[key] = self._evaluated(instance)

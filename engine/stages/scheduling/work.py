@@ -25,7 +25,8 @@ REST = "other work"  # the job of the blocks that serve no object
 @dataclass(frozen=True)
 class Wishes:
     """What a cell says about time besides durations: empty travel between stops, longest stays in places, when jobs begin
-    and are due, and in which windows measurements begin, by their names, counted from the start of the tour.
+    and are due, and in which windows measurements begin, by their names, counted from the start of the tour. A tour that is
+    `under_way` began before: its windows count from the start of the plan.
     """
 
     travel: Mapping[tuple[Term, Term], int] = field(default_factory=dict)
@@ -35,6 +36,7 @@ class Wishes:
     due: Mapping[Term, int] = field(default_factory=dict)
     priority: Mapping[Term, int] = field(default_factory=dict)
     windows: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    under_way: bool = False
 
     @property
     def any(self) -> bool:

@@ -156,10 +156,8 @@ class _Check:
             self._report("K501", f"{said}: a resource that it must hold has no value")
             return False
         for name, (value, claimed) in numbers.items():
-            if value is None or value < 0:
-                self._report(
-                    "K501", f"{said}: its {name} {'has no value' if value is None else f'is {value}'}"
-                )
+            if value < 0:
+                self._report("K501", f"{said}: its {name} is {value}")
                 return False
             if value != claimed:
                 self._report("K508", f"{said} has the {name} {value}, not {claimed}")

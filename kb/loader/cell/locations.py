@@ -62,7 +62,18 @@ class _Entry:
         if body is None or (place is not None and where is None):
             return None
         value = self._value(str(body), joint) if joint is not None else None
-        return Location(self.fact, body, where, frame.value if frame else "", key.where, value)
+        by = self._feature(str(body), child(node, "by"))
+        return Location(self.fact, body, where, frame.value if frame else "", key.where, value, by)
+
+    def _feature(self, body: str, node: Node | None) -> str:
+        """The name of a feature of the body; where the body is a variable, of any body."""
+        if node is None:
+            return ""
+        own = [self.known.bodies[body]] if body in self.known.bodies else self.known.bodies.values()
+        features = {name for each in own for name in each.features}
+        if node.value not in features:
+            self.findings.note(unknown_name("feature", node.value, features, node.where))
+        return str(node.value)
 
     def _value(self, body: str, joint: Node) -> float:
         """How far the body goes along its joint, in m or rad."""

@@ -26,11 +26,13 @@ def _operation(
     reader: Reader, findings: Findings, known: Known, operator: Function, key: Node, node: Node
 ) -> Operation:
     at = child(node, "at")
-    place: Term | None = None
-    if at is not None:
-        parsed = reader.parse("term", at)
-        place = parsed.value if parsed else None
-        _check_place(operator, place, at, findings, known)
+    place = _place(reader, findings, known, operator, at)
+    beside = child(node, "with")
+    other, carried = _place(reader, findings, known, operator, beside), child(node, "carries")
+    if (beside is not None and at is None) or (carried is not None and beside is None):
+        findings.add(
+            node.where, "K005", "two arms need two places", "give `at` and `with`: where each of them goes"
+        )
     ends = child(node, "ends")
     drags, drives = (_moving(child(node, each), findings, known) for each in ("drags", "drives"))
     if at is None and drags:
@@ -39,7 +41,32 @@ def _operation(
         )
     takes = _seconds(child(node, "takes"))
     stop = Ends(ends.value if ends else "outside")
-    return Operation(operator, place, stop, drags, drives, takes, key.where)
+    load = None if carried is None else _load(reader, findings, known, operator, carried)
+    return Operation(operator, place, stop, drags, drives, takes, key.where, other, load)
+
+
+def _place(
+    reader: Reader, findings: Findings, known: Known, operator: Function, node: Node | None
+) -> Term | None:
+    """A place of the cell, perhaps with variables of the operator; None if none is given."""
+    if node is None:
+        return None
+    parsed = reader.parse("term", node)
+    place: Term | None = parsed.value if parsed else None
+    _check_place(operator, place, node, findings, known)
+    return place
+
+
+def _load(reader: Reader, findings: Findings, known: Known, operator: Function, node: Node) -> Term | None:
+    """The body that two arms carry: one of the cell, or a variable of the operator."""
+    parsed = reader.parse("term", node)
+    if parsed is None:
+        return None
+    load: Term = parsed.value
+    if is_ground(load) and str(load) not in known.bodies:
+        findings.note(unknown_name("body", str(load), known.bodies, node.where))
+    _check_place(operator, None if is_ground(load) else load, node, findings, known)
+    return load
 
 
 def _seconds(node: Node | None) -> float:

@@ -38,8 +38,8 @@ def composed(reader: Reader, path: Path) -> None:
     parts = [_tree(use, DEVICE_FILE, reader.findings) for use in uses]
     parts = [_without(part, HEAD) for part in parts]
     whole = merged([*parts, reader.root], reader.root)
-    _special_first(whole, [*parts, reader.root], "defaults")
-    _special_first(whole, [*parts, reader.root], "commands", "phrases")  # an earlier phrase takes precedence
+    _ordered(whole, [reader.root, *reversed(parts)], "defaults")  # the first that is not denied holds
+    _ordered(whole, [reader.root, *parts], "commands", "phrases")  # an earlier phrase takes precedence
     _heaviest_first(whole)
     _leave_out(whole)
     reader.root = whole
@@ -56,9 +56,7 @@ def composed_beside(reader: Reader, domain: Path, form: str) -> None:
     ]
     if parts:
         whole = merged([*parts, reader.root], reader.root)
-        _special_first(
-            whole, [*parts, reader.root], "locations"
-        )  # the first that fits a fact says where a body is
+        _ordered(whole, [reader.root, *reversed(parts)], "locations")  # the first that fits a fact counts
         reader.root = without_strangers(whole) if form == "faults" else whole
 
 
@@ -82,8 +80,8 @@ def _without(part: Node, keys: Iterable[str]) -> Node:
     return part._replace(value={key: entry for key, entry in part.value.items() if key not in keys})
 
 
-def _special_first(whole: Node, parts: list[Node], *path: str) -> None:
-    """Order the entries of a section by the parts from the last to the first: the domain's own come first."""
+def _ordered(whole: Node, parts: list[Node], *path: str) -> None:
+    """Order the entries of a section as the parts are ordered."""
     *above, section = path
     holder = whole
     for key in above:
@@ -95,7 +93,7 @@ def _special_first(whole: Node, parts: list[Node], *path: str) -> None:
     if section not in holder.value:
         return
     key, node = holder.value[section]
-    given = [found.value for part in reversed(parts) if (found := _at(part, path)) is not None]
+    given = [found.value for part in parts if (found := _at(part, path)) is not None]
     if isinstance(node.value, dict):
         names = dict.fromkeys(name for each in given for name in each)
         node = node._replace(value={name: node.value[name] for name in names})

@@ -68,8 +68,10 @@ def test_arithmetic_is_computed(
     assert [step.cost for step in found.plan.steps] == costs
 
 
-def test_an_instance_whose_duration_has_no_value_does_not_exist(tmp_path: Path) -> None:
-    assert isinstance(outcome_of(tmp_path, "10 / (After - 1)"), Infeasible)
+def test_an_amount_without_a_value_is_reported_with_its_instance(tmp_path: Path) -> None:
+    for duration, cost in (("10 / (After - 1)", "1"), ("1", "10 \\ (After - 1)")):
+        with pytest.raises(InvalidInput, match=r"K115: \(10[/\\]\(1-1\)\) has no value, .* fill\(a, 0, 1\)"):
+            outcome_of(tmp_path, duration, cost)
 
 
 @pytest.mark.parametrize("product", ["65536 * 65536 * After", "2000000000 * (After + 1)"])

@@ -10,19 +10,23 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from engine.formats.report.itinerary import entry
-from engine.formats.report.itinerary import text as shown
-from engine.model.execution import RecordKind
+from engine.faces.cli.plan_forms import Made, document
+from engine.faces.cli.plan_forms import text as shown
+from engine.model.execution import Record, RecordKind
 from engine.model.outcome import Found
 from engine.model.schedule import Timetable
 from engine.model.tour import Tour, TourProblem, Visit, violations
-from engine.pipelines.objective import Run, fastest, plan
-from engine.pipelines.plan_files import missed_windows
+from engine.pipelines.inspection.demands import as_facts, of_options
+from engine.pipelines.objective import Order, Run, fastest, plan
+from engine.pipelines.plan_files import unmet
+from engine.pipelines.simulator.hidden import Injection
 from engine.pipelines.timetable import timetable
 from engine.stages.planning import Limits
 from engine.stages.sequencing import sequence
 from engine.stages.sequencing.windows import clash
+from kb.diagnostics import InvalidInput
 from kb.model.plan import Claims
+from kb.model.problem import Problem
 from tests.engine.pipelines.execution.cells import executed
 from tests.engine.pipelines.test_sequenced_parts import inspection, text
 
@@ -47,9 +51,9 @@ def outside(found: Mapping[str, int], windows: Windows) -> set[str]:
     return {name for name, (early, late) in windows.items() if not early <= found[name] - begin <= late}
 
 
-def said(run: Run) -> str:
+def said(problem: Problem, run: Run) -> str:
     console = Console(width=600, record=True, file=StringIO())
-    console.print(shown(run, "s"))
+    console.print(shown(Made(run, problem), False, False))
     return console.export_text()
 
 
@@ -58,8 +62,8 @@ def test_an_arm_that_comes_too_early_waits(tmp_path: Path) -> None:
     problem = inspection(tmp_path, text(5, more=facts(windows)))
     run = plan(problem)
     assert not outside(begins(run), windows)
-    assert "missed_windows" not in entry(run)
-    assert "Outside" not in said(run)
+    assert "missed_windows" not in document(Made(run, problem), False)
+    assert "Outside" not in said(problem, run)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -78,7 +82,7 @@ def test_windows_that_some_plan_meets_are_met(tmp_path: Path, seed: int) -> None
     }
     problem = inspection(tmp_path, text(7, seed, more=facts(windows)))
     run = plan(problem)
-    assert not outside(begins(run), windows), said(run)
+    assert not outside(begins(run), windows), said(problem, run)
 
 
 def test_windows_that_cannot_be_met_are_told_with_the_reason(tmp_path: Path) -> None:
@@ -87,9 +91,9 @@ def test_windows_that_cannot_be_met_are_told_with_the_reason(tmp_path: Path) -> 
     run = plan(problem)
     missed = outside(begins(run), windows)
     assert missed
-    assert set(entry(run)["missed_windows"]) == missed
-    assert "m1 and m2 cannot both begin in their windows" in said(run)
-    assert "Outside their windows" in said(run)
+    assert set(document(Made(run, problem), False)["missed_windows"]) == missed
+    assert "m1 and m2 cannot both begin in their windows" in said(problem, run)
+    assert "Outside their windows" in said(problem, run)
 
 
 def test_a_schedule_keeps_windows(tmp_path: Path) -> None:
@@ -121,8 +125,53 @@ def test_the_checker_of_plan_files_tells_windows_that_claimed_starts_miss(tmp_pa
     problem = inspection(tmp_path, text(3, more=facts({"m2": (200, 300)})))
     run = plan(problem)
     assert isinstance(run.outcome, Found)
-    assert missed_windows(problem, run.outcome.plan, Claims(dict(run.starts or {}))) == {}
-    assert set(missed_windows(problem, run.outcome.plan)) == {"m2"}
+    assert unmet(problem, run.outcome.plan, Claims(dict(run.starts or {}))).missed == {}
+    assert set(unmet(problem, run.outcome.plan).missed) == {"m2"}
+
+
+def test_an_order_that_a_plan_breaks_is_told_with_its_pair(tmp_path: Path) -> None:
+    found = begins(plan(inspection(tmp_path, text(4))))
+    first, *_, last = sorted(found, key=lambda name: found[name])
+    asked = inspection(tmp_path, text(4, more=f"  - before({last}, {first})"))
+    kept, free = plan(asked), plan(asked, order=Order.FREE)
+    assert begins(kept)[last] < begins(kept)[first]
+    for run in (kept, free):
+        own = begins(run)
+        broken = [] if own[last] < own[first] else [[last, first]]
+        assert document(Made(run, asked), False).get("broken_orders", []) == broken
+    against = inspection(tmp_path, text(4))
+    told = plan(against)
+    assert isinstance(told.outcome, Found)
+    turned = unmet(asked, told.outcome.plan, Claims(dict(told.starts or {}))).turned
+    assert turned == ((last, first),)
+
+
+def test_options_ask_what_facts_ask(tmp_path: Path) -> None:
+    windows = {"m2": (200, 300), "m4": (500, 600)}
+    plain = inspection(tmp_path, text(5, more="  - window(m2, 7, 9)\n  - lasts(m1, 3)"))
+    asked = as_facts(plain, of_options(["m2=200..300, m4=500..600"], ["m1=4"], ["m5,m1"]))
+    wanted = text(5, more=facts(windows) + "\n  - lasts(m1, 4)\n  - before(m5, m1)")
+    assert {*asked.statics} == {*inspection(tmp_path, wanted).statics}
+    own = begins(plan(asked))
+    assert not outside(own, windows)
+    assert own["m5"] < own["m1"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        ((["m77=1..2"], [], []), "K101"),
+        (([], [], ["m1,m2", "m2,m1"]), "K115"),
+        ((["m1=9..2"], [], []), "K406"),
+    ],
+)
+def test_options_that_ask_nonsense_are_refused(
+    tmp_path: Path, asked: tuple[list[str], list[str], list[str]], code: str
+) -> None:
+    problem = inspection(tmp_path, text(3))
+    with pytest.raises(InvalidInput) as caught:
+        as_facts(problem, of_options(*asked))
+    assert [each.code for each in caught.value.diagnostics] == [code]
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -140,3 +189,39 @@ def test_two_visits_that_clash_are_in_no_tour(seed: int) -> None:
     possible = any(not violations(problem, order) for order in permutations(range(n)))
     assert not (possible and clash(problem))
     assert isinstance(sequence(problem), Tour) == possible
+
+
+def _sent(records: list[Record]) -> dict[str, list[int]]:
+    """When the commands for measurements were sent, in seconds of the run's clock."""
+    found: dict[str, list[int]] = {}
+    for each in records:
+        action = str(each.content.get("action", ""))
+        if each.kind is RecordKind.COMMAND and "_measure(" in action:
+            found.setdefault(action.split(", ")[-1].rstrip(")"), []).append(each.at_ms // 1000)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "step", "cause"),
+    [("thickness", "us_measure", "missing_couplant"), ("profile", "laser_measure", "laser_dirty")],
+)
+def test_a_recovery_keeps_the_windows_of_the_tour_that_is_under_way(
+    tmp_path: Path, kind: str, step: str, cause: str
+) -> None:
+    windows = {"m2": (600, 800), "m4": (1000, 1100)}
+    inspection(tmp_path, text(4, more=facts(windows), kinds=kind))
+    ending, records, _ = executed(str(tmp_path / "points.yaml"), [Injection(step, cause, 2)])
+    assert ending.outcome == "reached"
+    assert any(each.kind is RecordKind.EXCEPTION for each in records)
+    found = _sent(records)
+    assert not outside({name: times[-1] for name, times in found.items()}, windows), found
+    assert max(len(times) for times in found.values()) == 2, "a measurement was made again"
+
+
+def test_a_recovery_tells_the_windows_that_it_cannot_keep(tmp_path: Path) -> None:
+    found = begins(plan(inspection(tmp_path, text(5, kinds="thickness"))))
+    begin, last = min(found.values()), max(found, key=lambda name: found[name])
+    inspection(tmp_path, text(5, more=facts({last: (0, found[last] - begin)}), kinds="thickness"))
+    _, records, _ = executed(str(tmp_path / "points.yaml"), [Injection("us_measure", "missing_couplant", 2)])
+    told = [each.content["why"] for each in records if each.kind is RecordKind.DECISION]
+    assert any("Outside their windows" in each and last in each for each in told), told

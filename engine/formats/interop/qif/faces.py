@@ -272,7 +272,7 @@ def _gaps(edges: Sequence[Floats], apart: float) -> Callable[[Floats], Floats]:
 
     if not edges:
         return lambda places: np.full(len(places), np.inf)
-    near = cKDTree(np.concatenate(edges))
+    near = cKDTree(np.concatenate(edges), 32, compact_nodes=False, balanced_tree=False)
 
     def gaps(places: Floats) -> Floats:
         far, _ = near.query(places)

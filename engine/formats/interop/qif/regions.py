@@ -29,11 +29,12 @@ def inside(polygons: Sequence[Floats], points: Floats) -> Truths:
 
 
 def _odd(a: Floats, b: Floats, points: Floats) -> Truths:
-    x, y = points[:, :1], points[:, 1:]
-    crosses = (a[:, 1] > y) != (b[:, 1] > y)
-    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
-    right = x < a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
-    found: Truths = (crosses & right).sum(axis=1) % 2 == 1
+    """Where a ray to the right from each point crosses an odd number of sides. Few sides are as high as a point."""
+    y = points[:, 1:]
+    which, side = np.nonzero((a[:, 1] > y) != (b[:, 1] > y))
+    p, q, (x, y) = a[side], b[side], points[which].T
+    right = x < p[:, 0] + (y - p[:, 1]) * (q[:, 0] - p[:, 0]) / (q[:, 1] - p[:, 1])
+    found: Truths = np.bincount(which[right], minlength=len(points)) % 2 == 1
     return found
 
 
@@ -47,18 +48,23 @@ def rows(polygons: Sequence[Floats], count: int) -> tuple[Floats, Floats]:
         return np.zeros((0, 2)), np.zeros(0)
     low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
     height, step = (high[1] - low[1]) / count, (high[0] - low[0]) / count
-    points, areas = [np.zeros((0, 2))], [np.zeros(0)]
-    for y in low[1] + height * (np.arange(count) + 0.5):
-        crossed = (a[:, 1] > y) != (b[:, 1] > y)
-        p, q = a[crossed], b[crossed]
-        xs = np.sort(p[:, 0] + (y - p[:, 1]) * (q[:, 0] - p[:, 0]) / (q[:, 1] - p[:, 1]))
-        for first, last in zip(xs[::2], xs[1::2], strict=False):
-            if last > first:
-                number = max(1, round((last - first) / step))
-                x = first + (last - first) * (np.arange(number) + 0.5) / number
-                points.append(np.stack([x, np.full(number, y)], axis=1))
-                areas.append(np.full(number, (last - first) / number * height))
-    return np.concatenate(points), np.concatenate(areas)
+    ys = low[1] + height * (np.arange(count) + 0.5)
+    row, side = np.nonzero((a[:, 1] > ys[:, None]) != (b[:, 1] > ys[:, None]))
+    p, q = a[side], b[side]
+    xs = p[:, 0] + (ys[row] - p[:, 1]) * (q[:, 0] - p[:, 0]) / (q[:, 1] - p[:, 1])
+    order = np.lexsort((xs, row))
+    first, last, row = (
+        xs[order[::2]],
+        xs[order[1::2]],
+        row[order[::2]],
+    )  # closed polygons cross a row an even number of times
+    wide = last > first
+    first, length, row = first[wide], (last - first)[wide], row[wide]
+    number = np.maximum(1, np.rint(length / step)).astype(int)
+    stretch = np.repeat(np.arange(len(number)), number)
+    place = np.arange(len(stretch)) - (np.cumsum(number) - number)[stretch] + 0.5
+    x = first[stretch] + length[stretch] * place / number[stretch]
+    return np.stack([x, ys[row[stretch]]], axis=1), (length / number * height)[stretch]
 
 
 def spread(candidates: Floats, count: int, taken: Floats | None = None) -> list[int]:

@@ -114,7 +114,12 @@ class Ground:
 
     def travel(self, first: Floats, second: Floats) -> float:
         """A bound on the way (m) of every point that moves on the straight line between two configurations (k,)."""
-        return float((matmul(np.abs(second - first), self._reach)).max(initial=0.0))
+        return float(self.travels((second - first)[None])[0])
+
+    def travels(self, ways: Floats) -> Floats:
+        """The same bound (n,) for many motions of the joints (n, k)."""
+        found: Floats = matmul(np.abs(ways), self._reach).max(axis=1, initial=0.0)
+        return found
 
     def _packed(self, margin_m: float) -> Narrow:
         """The scene as kernels read it, packed once for each margin."""

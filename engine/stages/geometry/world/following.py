@@ -43,7 +43,9 @@ def _put(world: World, body: str, location: Location, bindings: Substitution) ->
     if at is None:
         return world
     frame, T_frame_grip = at
-    return world.put(body, frame, matmul(T_frame_grip, transforms.inverse(world.grip(body))))
+    by = f"{body}.{location.by}"
+    T_body_grip = world.pose(body, by) if location.by and by in world.placed else world.grip(body)
+    return world.put(body, frame, matmul(T_frame_grip, transforms.inverse(T_body_grip)))
 
 
 def _grip_at(world: World, location: Location, bindings: Substitution) -> tuple[str, Floats] | None:

@@ -4,7 +4,7 @@ It is a value: every change makes a new world. Frames have their names from `cel
 body, `body.feature`; for an arm, `arm.base`, `arm.flange`, `arm.tool`, and `arm.LINK` for each link.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -228,6 +228,19 @@ class World:
         Raises as `affix` does.
         """
         return self.put(body, f"{arm}.tool", transforms.inverse(self.grip(body)))
+
+    def of_arms(self, arms: Collection[str]) -> "World":
+        """The world with some arms alone: the others are left out, with all that rides on them."""
+        gone = self.cell.arms.keys() - set(arms)
+        if not gone:
+            return self
+        away = tuple(f"{arm}." for arm in gone)
+        left = {name for name in self.placed if any(each.startswith(away) for each in self.supports(name))}
+        bodies = {name: body for name, body in self.cell.bodies.items() if name not in left}
+        own = {name: arm for name, arm in self.cell.arms.items() if name not in gone}
+        placed = {name: fixed for name, fixed in self.placed.items() if name not in left}
+        configurations = {name: q for name, q in self.configurations.items() if name not in gone}
+        return World(replace(self.cell, arms=own, bodies=bodies), placed, configurations)
 
     def supports(self, frame: str) -> tuple[str, ...]:
         """The frame, the frame that it stands on, and so on, down to the world."""

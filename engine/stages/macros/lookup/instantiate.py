@@ -29,6 +29,4 @@ def _step(step: MacroStep, bindings: Mapping[Variable, Term], amounts: Amounts) 
         duration, cost = amounts.of(step.duration, bindings, 0), amounts.of(step.cost, bindings, 1)
     except NoAmount as error:
         raise NotGeneral(str(error)) from None
-    if duration is None or cost is None:
-        raise NotGeneral(f"the duration or cost of {operator} has no value")
     return Step(step.id, operator, step.after, resources, duration, cost)

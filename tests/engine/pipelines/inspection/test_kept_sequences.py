@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from engine.faces.cli import app
-from engine.model.tour import cost_of, violations
+from engine.model.tour import cost_of, times_of, violations
 from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.inspection.losses import parted
 from engine.pipelines.inspection.progress import News, Progress, carried_on
@@ -280,3 +280,35 @@ def test_reasons_may_hold_commas_and_several_visits_may_share_one(tmp_path: Path
 @pytest.mark.parametrize("wrong", [["--next"], ["--store", "s.db", "--closed"], ["--done", "p1"]])
 def test_options_that_do_not_go_together_are_refused(tmp_path: Path, wrong: list[str]) -> None:
     assert run(str(written(tmp_path, NAMES[:2])), *wrong)[0] == 2
+
+
+WINDOWS = "window(p2, 0, 30)\n  - window(p5, 400, 900)\n  - before(p9, p1)\n  - lasts(p7, 20)"
+
+
+def test_a_kept_sequence_keeps_windows_and_precedence_to_its_end(tmp_path: Path) -> None:
+    store, problem = str(tmp_path / "cell.db"), read(written(tmp_path, NAMES, statics=WINDOWS))
+    made = carry_on(store, problem, limits=QUICK)
+    begins = dict(zip(names_of(made.plan.rest), times_of(made.problem, made.tour.order), strict=True))
+    order = names_of(made.plan.rest)
+    assert order.index("p9") < order.index("p1")
+    assert begins["p2"][1] <= 30
+    assert 400 <= begins["p5"][1] <= 900
+    done = order[: order.index("p5")]
+    assert done
+    for each in done:
+        found = carry_on(store, problem, News(done=(each,)), QUICK)
+        assert found.way == "kept"
+        assert violations(found.problem, found.tour.order) == []
+    over = begins[done[-1]][1]
+    windows = {each.name: each.window for each in found.problem.visits}
+    assert windows["p5"] == (max(0, 400 - over), 900 - over)
+    assert windows[done[-1]] is None
+
+
+def test_windows_that_the_rest_cannot_keep_are_told(tmp_path: Path) -> None:
+    store, problem = str(tmp_path / "cell.db"), read(written(tmp_path, NAMES))
+    carry_on(store, problem, News(done=("p0",)), QUICK)
+    narrow = read(written(tmp_path, NAMES, statics="window(p2, 0, 0)\n  - window(p4, 0, 0)"))
+    found = carry_on(store, narrow, limits=QUICK)
+    assert found.unkept
+    assert carry_on(store, narrow, limits=QUICK).way == "kept"

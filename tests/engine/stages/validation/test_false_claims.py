@@ -156,8 +156,8 @@ def test_what_a_step_costs_is_no_less_than_zero() -> None:
 @pytest.mark.parametrize("key", ["duration: 10 * Size", "cost: Size"])
 def test_a_step_whose_duration_or_cost_has_no_value_does_not_exist(key: str) -> None:
     posed = problem("warm(bolt)", (), BENCH.replace(key, f"{key} / 0"), statics=SIZES)
-    said_of = key.split(":")[0]
-    assert said(posed, (HEAT_BOLT,)) == [f"K501: step 1 heat(bolt, 2): its {said_of} has no value"]
+    amount = key.split(": ")[1].replace("Size", "2")
+    assert said(posed, (HEAT_BOLT,)) == [f"K501: step 1 heat(bolt, 2): {amount} / 0 has no value"]
 
 
 def test_a_step_whose_resource_has_no_value_does_not_exist() -> None:

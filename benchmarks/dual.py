@@ -1,0 +1,275 @@
+"""Two arms: how much sooner they are done, and whether a delay lets them collide.
+
+    python benchmarks/dual.py [--part bulkhead|delays|physics ...] [--points N] [--runs N] [--json FILE]
+
+`bulkhead`: points on the bulkhead, whose halves are in the reach of one arm each, with a common strip of a fifth of the width. Each
+arm takes its half column by column, both in the same direction. The makespan of both is compared with that of one arm that does all,
+and drives along the rail once between (20 s, as the domain says). `delays`: problems of the bench, whose steps begin late
+at random, by up to 10 s each; both arms are looked at a hundred times as often as the planner of motions looks. `physics`: a
+hand-over and a carry in MuJoCo. Exits with 1 when a bar is missed: 1.7 times as fast, no collision, 3 mm and 2 degrees.
+"""
+
+import argparse
+import json
+import random
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from domains.bulkhead.points import points
+from engine.model.moves import MovedStep
+from engine.model.outcome import Found
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.meetings import Encounters
+from engine.pipelines.moves.passing import Shared, kept_apart, moments_of
+from engine.pipelines.moves.planning import Moving, plan_moving
+from engine.pipelines.moves.rehearsal import delayed, seen, stretches
+from engine.pipelines.moves.walking import Walk
+from engine.pipelines.objective import Order, plan
+from engine.pipelines.planning import problem_of
+from engine.plugins import geometry_backend
+from engine.stages.geometry import transforms
+from engine.stages.planning import Limits
+from kb.loader.cell import cell_of
+from kb.model.plan import Plan, Step, StepId
+from kb.terms import Function
+
+HALF_M = 1.4  # of the width of what is measured
+STRIP_M = 0.28  # of it, on either side of the middle, is reached by both arms: a fifth in all
+BASE_M = 0.7  # where the arms stand, on either side of the middle
+DRIVE_S = 20
+COLUMN_M = 0.12
+BARS = {"speedup": 1.7, "least_m": 0.0, "off_m": 0.003, "tilt_deg": 2.0}
+TOP = Path(__file__).resolve().parent.parent
+
+DOMAIN = """
+domain: halves
+units: {{time: s}}
+types: {{arm: object, spot: object}}
+objects: {{arm: [west, east], spot: [p1..{count}]}}
+fluents:
+  measured(spot): {{}}
+statics:
+  of(arm, spot): {{}}
+operators:
+  measure(Arm, Spot):
+    where: of(Arm, Spot)
+    adds: measured(Spot)
+    resources: Arm
+    duration: 10 s
+    command: {{stream: "arm(Arm, measure(Spot))", reply: done}}
+"""
+
+
+def main() -> int:
+    """Run the parts that are asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--part", nargs="*", default=["bulkhead", "delays", "physics"])
+    parser.add_argument("--points", type=int, default=400)
+    parser.add_argument("--runs", type=int, default=1_000)
+    parser.add_argument("--work", type=Path, default=Path("dual_benchmark"))
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
+    parts = {
+        "bulkhead": lambda: bulkhead(asked.points, asked.runs, asked.work),
+        "delays": lambda: delays(asked.runs),
+        "physics": physics,
+    }
+    found = {part: parts[part]() for part in asked.part}
+    print(json.dumps(found, indent=1))
+    if asked.json:
+        asked.json.write_text(json.dumps(found))
+    return int(any(missed(each) for each in found.values()))
+
+
+def missed(found: dict[str, Any]) -> bool:
+    """Whether a figure misses its bar."""
+    return (
+        found.get("speedup", 9.0) < BARS["speedup"]
+        or found.get("least_m", 1.0) <= BARS["least_m"]
+        or found.get("off_m", 0.0) > BARS["off_m"]
+        or found.get("tilt_deg", 0.0) > BARS["tilt_deg"]
+    )
+
+
+def bulkhead(count: int, runs: int, work: Path) -> dict[str, Any]:
+    """The makespan of two arms and of one, and whether delays let the two collide."""
+    target = written(count, work)
+    problem, cell, backend = problem_of(str(target), "", ""), cell_of(str(target)), geometry_backend()
+    began = time.process_time()
+    walk = Walk(PlanGate().semantics(problem), cell, backend)
+    given = toured(problem_points(target))
+    steps = list(walk.steps(given))
+    lost = [each for each in steps if not isinstance(each, MovedStep)]
+    if lost:
+        return {"lost": str(lost[0])}
+    moved = [each for each in steps if isinstance(each, MovedStep)]
+    found = time.process_time()
+    encounters = Encounters(backend)
+    shared = kept_apart(walk, given, lasting, encounters, {})
+    if isinstance(shared, str):
+        return {"blocked": shared}
+    times = {step.operator: step.duration for step in shared.plan.steps}
+    PlanGate().accepted(replace(problem, durations=times), shared.plan)
+    alone = sum(step.duration for step in lasting(given, moved).steps) + DRIVE_S
+    looked = rehearsed(walk, shared, encounters, min(runs, 20))
+    return {
+        "points": count,
+        "one_arm_s": alone,
+        "two_arms_s": shared.makespan,
+        "bound_s": shared.sharing.lower_bound,
+        "speedup": alone / shared.makespan,
+        "zones": len(shared.sharing.zones),
+        "pairs_that_could_meet": shared.sharing.ordered,
+        "pairs_apart": shared.sharing.apart,
+        "proved": all(each.proved for each in shared.steps),
+        "motions_cpu_s": found - began,
+        "passing_cpu_s": time.process_time() - found,
+        **looked,
+    }
+
+
+def rehearsed(walk: Walk, shared: Shared, encounters: Encounters, runs: int) -> dict[str, Any]:
+    """Delays of up to 10 s for each step, drawn anew in each run."""
+    drawn, moments = random.Random(1), moments_of(walk, shared.plan, shared.steps)
+    looks, least = 0, np.inf
+    for _ in range(runs):
+        late = {step.id: drawn.uniform(0.0, 10.0) for step in shared.plan.steps}
+        starts, last = delayed(shared.plan, shared.steps, 1.0, late)
+        found = seen(stretches(moments, starts, last), encounters)
+        looks, least = looks + found.looks, min(least, found.least_m)
+    return {"runs": runs, "looks": looks, "least_m": min(least, 1.0)}
+
+
+def written(count: int, work: Path) -> Path:
+    """Domain, cell and problem in a folder; the problem file."""
+    near = [(x, y) for x, y in points(1_000) if abs(y) <= HALF_M]
+    chosen = [near[n * len(near) // count] for n in range(count)]
+    work.mkdir(exist_ok=True)
+    cell = yaml.safe_load((TOP / "domains/bulkhead/cell.yaml").read_text())
+    made = {
+        name: body for name, body in cell["fixtures"].items() if name in ("web", "ribs", "flanges", "jig")
+    }
+    probe = cell["tools"]["us_probe"]["shapes"]
+    arms, tools, allowed, places, facts = {}, {}, [], {}, []
+    for arm, side in (("west", -1), ("east", 1)):
+        arms[arm] = {
+            "model": "t3_746",
+            "at": [0, side * BASE_M, 1.2],
+            "tool": {"at": [0, 0, 0.38]},
+            "home": cell["arms"]["t3_746"]["home"],
+        }
+        tools[f"{arm}_probe"] = {"in": f"{arm}.flange", "shapes": probe}
+        allowed += [[f"{arm}_probe", f"{arm}.hand"], [f"{arm}_probe", f"{arm}.wrist"]]
+    for n, (x, y) in enumerate(chosen, 1):
+        arm = "west" if y < 0 else "east"
+        facts.append(f"of({arm}, p{n})")
+        places[f"at(p{n})"] = {
+            "arm": arm, "in": "bulkhead", "at": [round(x, 6), round(y, 6), 0], "approach": 0.12, "turns": True, "touches": ["web", "ribs", "flanges"],
+        }  # fmt: skip
+    text = {
+        "cell": "halves", "arms": arms, "frames": cell["frames"], "fixtures": made, "tools": tools, "allowed_contacts": allowed,
+        "places": places, "operations": {"measure(Arm, Spot)": {"at": "at(Spot)", "takes": "7 s"}},
+    }  # fmt: skip
+    (work / "domain.yaml").write_text(DOMAIN.format(count=count))
+    (work / "cell.yaml").write_text(json.dumps(text, indent=1))
+    goals = [f"measured(p{n})" for n in range(1, count + 1)]
+    asked = {"problem": "halves", "domain": "halves", "statics": facts, "goals": goals}
+    (work / "problem.yaml").write_text(yaml.safe_dump(asked))
+    return work / "problem.yaml"
+
+
+def problem_points(target: Path) -> dict[str, list[tuple[int, float, float]]]:
+    """The points of each arm: number, x and y."""
+    cell = yaml.safe_load(target.with_name("cell.yaml").read_text())
+    found: dict[str, list[tuple[int, float, float]]] = {"west": [], "east": []}
+    for name, place in cell["places"].items():
+        found[place["arm"]].append((int(name[4:-1]), place["at"][0], place["at"][1]))
+    return found
+
+
+def toured(of: dict[str, list[tuple[int, float, float]]]) -> Plan:
+    """Each arm goes up and down the columns of its half, both in the same direction; step by step in turn."""
+    tours = {arm: sorted(own, key=_along) for arm, own in of.items()}
+    steps, last, number = list[Step](), dict[str, StepId](), 0
+    for n in range(max(map(len, tours.values()))):
+        for arm, own in tours.items():
+            if n < len(own):
+                number += 1
+                operator = Function("measure", (Function(arm), Function(f"p{own[n][0]}")))
+                after = (last[arm],) if arm in last else ()
+                steps.append(Step(StepId(number), operator, after, (Function(arm),), 10))
+                last[arm] = StepId(number)
+    return Plan(tuple(steps))
+
+
+def _along(point: tuple[int, float, float]) -> tuple[int, float]:
+    column = int((point[2] + 10.0) / COLUMN_M)
+    return column, point[1] if column % 2 else -point[1]
+
+
+def lasting(plan: Plan, steps: Any) -> Plan:
+    """The plan with the times of its motions, in whole seconds."""
+    times = {each.step: int(np.ceil(each.seconds - 1e-9)) for each in steps}
+    return replace(plan, steps=tuple(replace(s, duration=times.get(s.id, s.duration)) for s in plan.steps))
+
+
+def moving(name: str) -> tuple[Moving, Walk]:
+    """The plan that moves for a problem of the bench, and who walks through it."""
+    target, backend = f"dual/{name}", geometry_backend()
+    problem, cell = problem_of(target, "", ""), cell_of(target)
+    made = plan_moving(problem, cell, backend, lambda p: plan(p, Limits(), None, Order.SEQUENCE))
+    return made, Walk(PlanGate().semantics(problem), cell, backend)
+
+
+def delays(runs: int) -> dict[str, Any]:
+    """The problems of the bench in turn, with delays."""
+    names = ("crossing", "both_sides", "bench", "scanned")
+    looks, least = 0, np.inf
+    for name in names:
+        made, walk = moving(name)
+        assert isinstance(made.run.outcome, Found)
+        assert made.sharing is not None
+        shared = Shared(made.run.outcome.plan, {}, made.steps, made.sharing)
+        found = rehearsed(walk, shared, Encounters(geometry_backend()), runs // len(names))
+        looks, least = looks + found["looks"], min(least, found["least_m"])
+    return {"problems": names, "runs": runs, "looks": looks, "least_m": least}
+
+
+def physics() -> dict[str, Any]:
+    """How far parts are from where the facts put them, and how far they are turned, after a hand-over and a carry."""
+    from engine.pipelines.moves.states import states_of
+    from engine.pipelines.witness.stage import SETTLE_S, Stage
+    from engine.stages.geometry.world.following import following
+    from engine.stages.geometry.world.model import World
+
+    off, tilt, touched = 0.0, 0.0, []
+    for name, part in (("over", "rod_1"), ("carried", "beam")):
+        made, walk = moving(name)
+        assert isinstance(made.run.outcome, Found)
+        steps = {each.step: each for each in made.steps}
+        stage = Stage(following(World.of(walk.cell), walk.semantics.initial()))
+        for step, before, after in states_of(walk.semantics, made.run.outcome.plan):
+            worlds = following(World.of(walk.cell), before), following(World.of(walk.cell), after)
+            stage.take(steps[step.id], *worlds)
+            wanted = stage.actual(worlds[1]).pose("world", part)
+            real = stage.pose(part)
+            off = max(off, float(np.linalg.norm(wanted[:3, 3] - real[:3, 3])))
+            turn = transforms.rotation_vector(wanted[:3, :3].T @ real[:3, :3])
+            tilt = max(tilt, float(np.degrees(np.linalg.norm(turn))))
+        stage.wait(SETTLE_S)
+        touched += [
+            f"{name}: {each.first} and {each.second}, {each.force_n} N" for each in stage.touches.found
+        ]
+    return {"off_m": off, "tilt_deg": tilt, "touched": touched}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

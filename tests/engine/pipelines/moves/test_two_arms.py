@@ -1,0 +1,120 @@
+"""Two arms at one bench: where they meet, who waits, what they do together, and that no delay lets them collide."""
+
+import random
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from engine.model.moves import LegKind
+from engine.model.outcome import Found
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.meetings import Encounters
+from engine.pipelines.moves.passing import moments_of
+from engine.pipelines.moves.planning import Moving, plan_moving
+from engine.pipelines.moves.rehearsal import delayed, seen, stretches
+from engine.pipelines.moves.walking import Walk
+from engine.pipelines.objective import Order, plan
+from engine.pipelines.planning import problem_of
+from engine.plugins import geometry_backend
+from engine.stages.geometry.world.following import following
+from engine.stages.geometry.world.model import World
+from engine.stages.planning import Limits
+from kb.loader.cell import cell_of
+from kb.model.plan import Plan
+
+
+@lru_cache
+def moving(name: str) -> Moving:
+    """The plan that moves for a problem of the bench."""
+    target = f"dual/{name}"
+    backend = geometry_backend()
+    return plan_moving(
+        problem_of(target, "", ""),
+        cell_of(target),
+        backend,
+        lambda p: plan(p, Limits(), None, Order.SEQUENCE),
+    )
+
+
+def steps_of(made: Moving) -> Plan:
+    assert isinstance(made.run.outcome, Found)
+    return made.run.outcome.plan
+
+
+def test_arms_on_their_own_sides_work_at_once() -> None:
+    made = moving("both_sides")
+    assert made.sharing is not None
+    assert not made.sharing.zones
+    assert made.sharing.apart == 4
+
+
+def test_arms_in_the_middle_share_a_zone_and_one_waits() -> None:
+    made = moving("crossing")
+    assert made.sharing is not None
+    assert made.sharing.zones
+    assert set(made.sharing.zones[0].steps) == {"left", "right"}
+    assert made.sharing.ordered > 0
+
+
+@pytest.mark.parametrize("late_s", [0.0, 3.0])
+def test_no_delay_lets_the_arms_collide(late_s: float) -> None:
+    made, drawn = moving("crossing"), random.Random(3)
+    found = steps_of(made)
+    semantics, backend = PlanGate().semantics(made.problem), geometry_backend()
+    walk, encounters = Walk(semantics, cell_of("dual/crossing"), backend), Encounters(backend)
+    moments = moments_of(walk, found, made.steps)
+    for _ in range(3):
+        late = {step.id: drawn.uniform(0.0, late_s) for step in found.steps}
+        starts, last = delayed(found, made.steps, 1.0, late)
+        looked = seen(stretches(moments, starts, last), encounters, step=0.01)
+        assert looked.looks
+        assert looked.least_m > 0.0
+
+
+def test_without_the_orders_the_arms_would_collide() -> None:
+    made = moving("crossing")
+    found = steps_of(made)
+    backend = geometry_backend()
+    walk, encounters = (
+        Walk(PlanGate().semantics(made.problem), cell_of("dual/crossing"), backend),
+        Encounters(backend),
+    )
+    moments = moments_of(walk, found, made.steps)
+    own, starts = dict[str, float](), {}
+    for each in moments:
+        assert each.moved is not None
+        arm = each.arms[0]
+        starts[each.step] = own.get(arm, 0.0)
+        own[arm] = starts[each.step] + each.moved.seconds
+    looked = seen(stretches(moments, starts, max(own.values())), encounters, step=0.01)
+    assert looked.least_m <= 0.0
+
+
+def test_a_rod_is_in_the_second_hand_before_the_first_leaves() -> None:
+    made = moving("over")
+    step = next(each for each in made.steps if each.operator.name == "hand_over")
+    kinds = [(leg.arm, leg.kind) for leg in step.legs]
+    assert kinds.index(("right", LegKind.IN)) < kinds.index(("left", LegKind.OUT))
+    assert step.proved
+
+
+def test_each_hand_keeps_its_pose_on_the_beam() -> None:
+    made = moving("carried")
+    carry = next(leg for leg in made.steps[0].legs if leg.kind is LegKind.CARRY)
+    (other,) = carry.beside
+    world = following(World.of(cell_of("dual/carried")), PlanGate().semantics(made.problem).initial())
+    first = None
+    for t in np.linspace(0.0, carry.seconds, 200):
+        now = world.moved(carry.arm, carry.at(t)).moved(other.arm, other.at(t))
+        T = now.pose(f"{carry.arm}.tool", f"{other.arm}.tool")
+        first = T if first is None else first
+        assert np.linalg.norm(T[:3, 3] - first[:3, 3]) < 1e-3
+        assert np.abs(T[:3, :3] - first[:3, :3]).max() < 5e-3
+
+
+def test_an_arm_that_holds_on_stays_where_it_holds() -> None:
+    made = moving("scanned")
+    step = next(each for each in made.steps if each.operator.name == "scan")
+    holder = [leg.kind for leg in step.legs if leg.arm == "left"]
+    assert LegKind.OUT not in holder
