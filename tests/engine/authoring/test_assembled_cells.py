@@ -13,10 +13,22 @@ from engine.faces.cli import app
 from kb.diagnostics import InvalidInput
 from kb.loader.uses import all_devices
 
-DEVICES = (
-    "balance barcode_reader capper centrifuge conveyor dispenser drawer freezer furnace laser_tool person rack "
-    "tool_rack ultrasonic_tool"
-).split()
+DEVICES = [
+    "balance",
+    "barcode_reader",
+    "capper",
+    "centrifuge",
+    "conveyor",
+    "dispenser",
+    "drawer",
+    "freezer",
+    "furnace",
+    "laser_tool",
+    "person",
+    "rack",
+    "tool_rack",
+    "ultrasonic_tool",
+]
 TOGETHER = [tuple(random.Random(seed).choices(DEVICES, k=2 + seed % 4)) for seed in range(12)]
 
 
@@ -32,7 +44,9 @@ def assert_all_works(folder: Path, devices: tuple[str, ...]) -> None:
     assert answer("check", folder)[1]["diagnostics"] == []
     problem = folder / "problems" / "first.yaml"
     assert answer("run", problem)[0] == 0
-    steps = {step["operator"].partition("(")[0] for step in answer("plan", problem)[1]["data"]["plan"]["steps"]}
+    steps = {
+        step["operator"].partition("(")[0] for step in answer("plan", problem)[1]["data"]["plan"]["steps"]
+    }
     tried = [each for each in faults if each.partition("=")[0] in steps]
     assert tried or not faults
     for fault in tried:

@@ -154,7 +154,9 @@ def test_two_parts_that_contradict_each_other_are_refused(tmp_path: Path) -> Non
 def test_operators_can_be_left_out(tmp_path: Path) -> None:
     domain = load(cell(tmp_path, "  gripper: {}\n  shaker: {lasts: 1 s}\n", "without: [sense]\n")).domain
     assert "sense" not in {each.name for each in domain.operators}
-    assert refused(cell(tmp_path, "  gripper: {}\n", "without: [sens]\n")).message == "unknown operator 'sens'"
+    assert (
+        refused(cell(tmp_path, "  gripper: {}\n", "without: [sens]\n")).message == "unknown operator 'sens'"
+    )
 
 
 def test_every_device_of_the_engine_has_a_head_that_says_what_it_is(tmp_path: Path) -> None:
@@ -166,7 +168,10 @@ def test_every_device_of_the_engine_has_a_head_that_says_what_it_is(tmp_path: Pa
 VALUES = st.dictionaries(st.sampled_from(["a", "bc", "name"]), st.text("xyz_ 0,", max_size=6), min_size=1)
 
 
-@given(values=VALUES, parts=st.lists(st.tuples(st.text("pq \n", max_size=5), st.sampled_from(["a", "bc", "name"]))))
+@given(
+    values=VALUES,
+    parts=st.lists(st.tuples(st.text("pq \n", max_size=5), st.sampled_from(["a", "bc", "name"]))),
+)
 def test_each_place_of_a_filled_text_is_that_of_what_was_written(
     values: dict[str, str], parts: list[tuple[str, str]]
 ) -> None:
