@@ -1,5 +1,6 @@
 """Which devices a domain uses, directly or through other devices, and what their parameters, own names and ports stand for."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +14,7 @@ from kb.loader.uses.devices import Device, available, read_device, text_of
 from kb.loader.uses.filling import Filled, all_values, filled
 
 MAX_USES = 200
+NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 
 
 @dataclass
@@ -67,6 +69,9 @@ class Uses:
         called = child(node, "device")
         device_name = str(called.value) if called is not None else name
         given = {each: value for each, _, value in members(node) if each != "device"}
+        if not NAME.fullmatch(name):
+            hint = "a name is a small letter, then letters, digits and _"
+            raise InvalidInput([Diagnostic(key.where, "K112", f"'{name[:60]}' is not a name", hint)])
         if name in self.found:
             return self._again(name, device_name, key, given)
         if device_name not in self.known:

@@ -11,7 +11,7 @@ from kb.loader.quantities import child
 from kb.loader.reader import Findings, Reader
 from kb.loader.tree import read_file, read_tree
 from kb.loader.uses.binding import Use, uses_of
-from kb.loader.uses.faults import renamed, without_strangers
+from kb.loader.uses.faults import in_milliseconds, renamed, without_strangers
 from kb.loader.uses.merging import merged
 from kb.targets import DEVICE_FILE
 
@@ -47,13 +47,18 @@ def composed(reader: Reader, path: Path) -> None:
 
 def composed_beside(reader: Reader, domain: Path, form: str) -> None:
     """Put what devices say in their `FORM.yaml` into the tree of the file of that form beside a domain file."""
-    uses = uses_of(read_tree(read_file(domain))[0], domain) if is_file(domain) else []
+    root = read_tree(read_file(domain))[0] if is_file(domain) else None
+    uses = uses_of(root, domain) if root is not None else []
+    finely = (
+        form == "faults" and (unit := child(child(root, "units"), "time")) is not None and unit.value == "ms"
+    )
     name = f"{form}.yaml"
     parts = [
         _prepared(use, _tree(use, name, reader.findings), form)
         for use in uses
         if is_file(use.device.folder / name)
     ]
+    parts = [in_milliseconds(each) for each in parts] if finely else parts
     if parts:
         whole = merged([*parts, reader.root], reader.root)
         _ordered(whole, [reader.root, *reversed(parts)], "locations")  # the first that fits a fact counts

@@ -23,6 +23,28 @@ def renamed(part: Node, name: str) -> Node:
     return part._replace(value=whole)
 
 
+def in_milliseconds(part: Node) -> Node:
+    """The part of a fault base with its costs and durations, which devices tell in seconds, in milliseconds."""
+    whole = dict(part.value)
+    for section in ("tests", "repairs"):
+        if section in whole and isinstance(whole[section][1].value, dict):
+            key, node = whole[section]
+            entries = {name: (place, _scaled(each)) for name, (place, each) in node.value.items()}
+            whole[section] = key, node._replace(value=entries)
+    return part._replace(value=whole)
+
+
+def _scaled(node: Node) -> Node:
+    if not isinstance(node.value, dict):
+        return node
+    value = dict(node.value)
+    for name in ("cost", "duration"):
+        if name in value and str(value[name][1].value).isdecimal():
+            key, number = value[name]
+            value[name] = key, number._replace(value=str(int(number.value) * 1000))
+    return node._replace(value=value)
+
+
 def without_strangers(whole: Node) -> Node:
     """The fault base without what a device says for others that are not there.
 

@@ -90,6 +90,13 @@ def test_two_of_one_device_have_names_and_faults_of_their_own(tmp_path: Path) ->
     assert dict(model.repairs["mixer_tighten"].cures) == {"mixer_clamp_loose": 1.0}
 
 
+def test_costs_of_faults_are_seconds_in_any_cell(tmp_path: Path) -> None:
+    use = "  gripper: {}\n  shaker: {lasts: 1 s}\n"
+    in_s, _ = load_faults(cell(tmp_path / "s", use, "units: {time: s}\n"))
+    in_ms, _ = load_faults(cell(tmp_path / "ms", use, "units: {time: ms}\n"))
+    assert (in_s.repairs["tighten"].cost, in_ms.repairs["tighten"].cost) == (15, 15_000)
+
+
 def test_an_own_name_can_be_given(tmp_path: Path) -> None:
     use = "  gripper: {}\n  shaker: {lasts: 1 s}\n  mixer: {device: shaker, lasts: 5 s, shaken: shaken}\n"
     domain = load(cell(tmp_path, use)).domain
@@ -107,6 +114,7 @@ def test_an_own_name_can_be_given(tmp_path: Path) -> None:
         ("  gripper: {}\n  shakr: {}\n", "K101", "unknown device 'shakr'"),
         ("  gripper: {}\n  shaker: {lasts: '1 s #'}\n", "K005", "no value of a parameter"),
         ("  gripper: {}\n  gripper: {}\n", "K003", "already used"),
+        ("  Furnace: {device: furnace}\n", "K112", "'Furnace' is not a name"),
     ],
 )
 def test_a_wrong_use_is_told_in_the_domain(tmp_path: Path, use: str, code: str, said: str) -> None:
