@@ -69,6 +69,7 @@ CODES = {
     "K421": "a run that cannot be begun or told",
     "K422": "a library that is damaged",
     "K425": "a controller that does not answer",
+    "K430": "a cluster that cannot be used",
     "K501": "the plan does not execute",
     "K502": "the plan misses a goal",
     "K503": "unordered steps interfere",
