@@ -67,13 +67,13 @@ bench: $(PEERS)/ready
 	for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; \
 	$(MAKE) faults || missed=1; exit $$missed
 
-# The fault matrix, and two faults in one run; it goes on where it stopped. SAMPLES=100 SEED=2 make faults
+# The fault matrix, and two faults in one run; it goes on where it stopped. SAMPLES=100 SEED=2 CLUSTER=HOST:8786 make faults
 SAMPLES ?= 1000
 
 faults: $(VENV)/ready
-	missed=0; $(BIN)/python benchmarks/faults.py --json .venv/faults.json || missed=1; \
+	missed=0; $(BIN)/python benchmarks/faults.py $(if $(CLUSTER),--cluster $(CLUSTER)) --json .venv/faults.json || missed=1; \
 	for each in run recovery test; do \
-	$(BIN)/python benchmarks/faults.py --second $$each --samples $(SAMPLES) --seed $(SEED) --json .venv/faults.json || missed=1; \
+	$(BIN)/python benchmarks/faults.py $(if $(CLUSTER),--cluster $(CLUSTER)) --second $$each --samples $(SAMPLES) --seed $(SEED) --json .venv/faults.json || missed=1; \
 	done; rm .venv/faults.json; exit $$missed
 
 # Mutated inputs for every reader; it goes on where it stopped. MINUTES=60 SEED=2 make fuzz

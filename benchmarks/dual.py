@@ -1,12 +1,12 @@
 """Two arms: how much sooner they are done, and whether a delay lets them collide.
 
-    python benchmarks/dual.py [--part bulkhead|delays|physics ...] [--points N] [--runs N] [--json FILE]
+    python benchmarks/dual.py [--part bulkhead|delays|physics|themse ...] [--points N] [--runs N] [--json FILE]
 
 `bulkhead`: points on the bulkhead, whose halves are in the reach of one arm each, with a common strip of a fifth of the width. Each
 arm takes its half column by column, both in the same direction. The makespan of both is compared with that of one arm that does all,
 and drives along the rail once between (20 s, as the domain says). `delays`: problems of the bench, whose steps begin late
 at random, by up to 10 s each; both arms are looked at a hundred times as often as the planner of motions looks. `physics`: a
-hand-over and a carry in MuJoCo. Exits with 1 when a bar is missed: 1.7 times as fast, no collision, 3 mm and 2 degrees.
+hand-over and a carry in MuJoCo. `themse`: eight probes, with one gripper and with two, scheduled without motions. Exits with 1 when a bar is missed: 1.7 times as fast, no collision, 3 mm and 2 degrees.
 """
 
 import argparse
@@ -24,6 +24,7 @@ import yaml
 from domains.bulkhead.points import points
 from engine.model.moves import MovedStep
 from engine.model.outcome import Found
+from engine.model.schedule import Timetable
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.meetings import Encounters
 from engine.pipelines.moves.passing import Shared, kept_apart, moments_of
@@ -32,6 +33,7 @@ from engine.pipelines.moves.rehearsal import delayed, seen, stretches
 from engine.pipelines.moves.walking import Walk
 from engine.pipelines.objective import Order, plan
 from engine.pipelines.planning import problem_of
+from engine.pipelines.timetable import timetable
 from engine.plugins import geometry_backend
 from engine.stages.geometry import transforms
 from engine.stages.planning import Limits
@@ -71,7 +73,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--part", nargs="*", default=["bulkhead", "delays", "physics"])
+    parser.add_argument("--part", nargs="*", default=["bulkhead", "delays", "physics", "themse"])
     parser.add_argument("--points", type=int, default=400)
     parser.add_argument("--runs", type=int, default=1_000)
     parser.add_argument("--work", type=Path, default=Path("dual_benchmark"))
@@ -81,6 +83,7 @@ def main() -> int:
         "bulkhead": lambda: bulkhead(asked.points, asked.runs, asked.work),
         "delays": lambda: delays(asked.runs),
         "physics": physics,
+        "themse": lambda: themse(8, asked.work),
     }
     found = {part: parts[part]() for part in asked.part}
     print(json.dumps(found, indent=1))
@@ -221,6 +224,60 @@ def lasting(plan: Plan, steps: Any) -> Plan:
     return replace(plan, steps=tuple(replace(s, duration=times.get(s.id, s.duration)) for s in plan.steps))
 
 
+def themse(probes: int, work: Path) -> dict[str, Any]:
+    """The makespan of THEMSE with one gripper and with two, as the domain says how long steps take; nothing moves."""
+    found: dict[str, Any] = {"probes": probes}
+    for hands in (1, 2):
+        target = two_handed(probes, hands, work / f"themse_{hands}")
+        made = timetable(problem_of(str(target), "", ""))
+        if not isinstance(made, Timetable):
+            return {**found, "lost": str(made)}
+        key = "one_arm" if hands == 1 else "two_arms"
+        schedule = made.schedule
+        found |= {
+            f"{key}_s": schedule.makespan,
+            f"{key}_bound_s": schedule.lower_bound,
+            f"{key}_gap": schedule.gap,
+        }
+    return {**found, "times_as_fast": found["one_arm_s"] / found["two_arms_s"]}
+
+
+def two_handed(probes: int, hands: int, work: Path) -> Path:
+    """THEMSE with so many probes, depots and grippers, in a folder; the problem file. It has no sensors."""
+    work.mkdir(parents=True, exist_ok=True)
+    domain = yaml.safe_load((TOP / "domains/themse/domain.yaml").read_text())
+    for section in ("commands", "derived"):
+        kept = {name: each for name, each in domain[section].items() if name == "accessible(place)"}
+        domain[section] = kept
+    del domain["commands"]
+    domain["include"] = ["rules.lp"]
+    operators = {}
+    for name, each in domain["operators"].items():
+        text = json.dumps(each)
+        if name.startswith("sense"):
+            continue
+        if "mars_gripper" in text:
+            head, _, rest = name.partition("(")
+            name = f"{head}(Hand, {rest}" if rest else f"{head}(Hand)"
+            each = {**json.loads(text.replace("mars_gripper", "Hand")), "types": {"Hand": "gripper"}}
+            each["command"] = {"stream": f"arm({name})", "reply": "done"}
+        operators[name] = each
+    domain["operators"] = operators
+    names = ["mars_gripper", "second_gripper"][:hands]
+    domain["objects"] |= {"gripper": names, "probe": [f"probe_1..{probes}"]}
+    (work / "domain.yaml").write_text(json.dumps(domain, indent=1))
+    (work / "rules.lp").write_text((TOP / "domains/themse/rules.lp").read_text())
+    stages = {
+        "for": {"P": [f"probe_1..{probes}"]},
+        "stages": "heated(P, 15 min), cooled(P, 5 min), stored(P)",
+    }
+    statics = [f"capacity(drawer, {probes})", "capacity(furnace, 1)", "capacity(freezer, 1)"]
+    statics += [f"own_depot(probe_{n}, slot(drawer, {n}))" for n in range(5, probes + 1)]
+    asked = {"problem": "probes", "domain": "themse", "statics": statics, "workflow": [stages]}
+    (work / "problem.yaml").write_text(json.dumps(asked, indent=1))
+    return work / "problem.yaml"
+
+
 def moving(name: str) -> tuple[Moving, Walk]:
     """The plan that moves for a problem of the bench, and who walks through it."""
     target, backend = f"dual/{name}", geometry_backend()
@@ -244,13 +301,13 @@ def delays(runs: int) -> dict[str, Any]:
 
 
 def physics() -> dict[str, Any]:
-    """How far parts are from where the facts put them, and how far they are turned, after a hand-over and a carry."""
+    """How far parts are from where the facts put them, and how far they are turned: after each step, in the hand, too."""
     from engine.pipelines.moves.states import states_of
     from engine.pipelines.witness.stage import SETTLE_S, Stage
     from engine.stages.geometry.world.following import following
     from engine.stages.geometry.world.model import World
 
-    off, tilt, touched = 0.0, 0.0, []
+    off, tilt, touched, ends = 0.0, 0.0, [], {}
     for name, part in (("over", "rod_1"), ("carried", "beam")):
         made, walk = moving(name)
         assert isinstance(made.run.outcome, Found)
@@ -265,10 +322,11 @@ def physics() -> dict[str, Any]:
             turn = transforms.rotation_vector(wanted[:3, :3].T @ real[:3, :3])
             tilt = max(tilt, float(np.degrees(np.linalg.norm(turn))))
         stage.wait(SETTLE_S)
+        ends[name] = stage.off(worlds[1])[part]
         touched += [
             f"{name}: {each.first} and {each.second}, {each.force_n} N" for each in stage.touches.found
         ]
-    return {"off_m": off, "tilt_deg": tilt, "touched": touched}
+    return {"off_m": off, "tilt_deg": tilt, "touched": touched, "off_in_the_end_m": ends}
 
 
 if __name__ == "__main__":

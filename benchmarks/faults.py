@@ -1,9 +1,9 @@
 """The fault matrix: every cause of a fault base, injected at every step where it can show; how each run ends.
 
-    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--jobs N] [--json FILE] [TARGET ...]
+    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--jobs N] [--cluster ADDRESS] [--json FILE] [TARGET ...]
 
 Without `--samples` the whole matrix; with it, so many runs in all, as many of each target. `--jobs` runs so many at the same
-time. `--second` injects another fault: anywhere in the run, at a step of the recovery from the
+time, `--cluster` has the workers of a cluster run them. `--second` injects another fault: anywhere in the run, at a step of the recovery from the
 first, or at a step that prepares a test or a repair. With `--json` what was run is kept there, and the next call goes on behind
 it. The plan is made once; each run is in a simulated cell of its own, on the virtual clock. A run
 passes if it ends with the goals reached, also in the cell as it really is, or with a reason for each goal that is not, and if no
@@ -19,11 +19,11 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.execution import Finish, Record, RecordKind
 from engine.pipelines.execution import Execution, Timed
 from engine.pipelines.execution.compiling import situation_of
@@ -34,6 +34,7 @@ from engine.pipelines.planning import problem_of
 from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Injection, Simulator, possible
 from engine.pipelines.simulator.driver import Settings, fault_base
+from engine.pipelines.units import Kind, Unit, carried_out, crew_of
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem
 
@@ -191,13 +192,22 @@ class Sample:
     setting: Setting
     where: Second | None
     seed: int
+    key: str
+    fault: Injection
 
-    def __call__(self, each: tuple[str, Injection]) -> tuple[str, str]:
-        """How the run ends, and what is wrong with it."""
-        key, fault = each
-        chance = random.Random(key)  # so that a campaign that goes on draws the same
-        more = second(self.setting, fault, self.where, chance, self.seed) if self.where else []
-        return tried(self.setting, [fault, *more], self.seed)
+
+def ran(sample: Sample, _interrupted: Interrupted) -> tuple[str, str]:
+    """How the run ends, and what is wrong with it."""
+    gc.set_threshold(100_000)
+    chance = random.Random(sample.key)  # so that a campaign that goes on draws the same
+    where, seed = sample.where, sample.seed
+    more = second(sample.setting, sample.fault, where, chance, seed) if where else []
+    return tried(sample.setting, [sample.fault, *more], seed)
+
+
+def lost(_sample: Sample, why: str) -> tuple[str, str]:
+    """What is told of a run that was not carried out."""
+    return "lost", why
 
 
 def row(setting: Setting, asked: argparse.Namespace, count: int | None, tally: Tally) -> int:
@@ -207,10 +217,11 @@ def row(setting: Setting, asked: argparse.Namespace, count: int | None, tally: T
         print(f"  {setting.target}: no exception is about {', '.join(left)}", flush=True)
     began, faults = time.perf_counter(), chosen(setting, asked, count)
     fresh = [each for each in faults.items() if each[0] not in tally.known]
-    with ProcessPoolExecutor(asked.jobs, initializer=gc.set_threshold, initargs=(100_000,)) as pool:
-        found = pool.map(Sample(setting, asked.second, asked.seed), fresh)
-        for (key, _), result in zip(fresh, found, strict=True):
-            tally.note(key, result)
+    units = [Unit(key, key, Sample(setting, asked.second, asked.seed, key, fault)) for key, fault in fresh]
+    for unit, result in carried_out(Kind("faults", ran, lost), units, asked.crew, never):
+        if result[0] == "lost":
+            raise SystemExit(result[1])
+        tally.note(unit.name, result)
     results = [tally.known[key] for key in faults]
     wrong = [f"  {key}: {tally.known[key][1]}\n" for key in faults if tally.known[key][1]]
     sys.stdout.writelines(wrong)
@@ -235,8 +246,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--second", type=Second, choices=list(Second))
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--cluster", default="")
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
+    asked.crew = crew_of(asked.jobs, asked.cluster)
     tally, many = Tally.of(asked.json), len(asked.targets)
     share = None if asked.samples is None else -(-asked.samples // many)
     wrong = sum(row(Setting.of(target), asked, share, tally) for target in asked.targets)

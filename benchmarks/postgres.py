@@ -7,42 +7,82 @@ import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 PROGRAMS = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda p: int(p.parent.name))
 
 
-@contextlib.contextmanager
-def served(settings: str = "-c fsync=off", environment: Mapping[str, str] | None = None) -> Iterator[str]:
-    """The URL of a server on a socket in a folder of its own. `{data}` in the environment is the folder of its data."""
-    programs = PROGRAMS[-1]
-    account = "postgres" if os.getuid() == 0 else None  # the server refuses to run as root
+@dataclass(frozen=True)
+class Server:
+    """A server on a socket in a folder of its own. It can be killed and started again."""
 
-    def run(program: str, *arguments: str, **more: str) -> None:
+    folder: Path
+    settings: str
+    environment: Mapping[str, str]
+    account: str | None  # the server refuses to run as root
+
+    @property
+    def url(self) -> str:
+        """Where it is reached."""
+        return f"postgresql://cell@/postgres?unix_sock={self.folder}/.s.PGSQL.5432"
+
+    @property
+    def _data(self) -> Path:
+        return self.folder / "data"
+
+    def make(self) -> None:
+        """Make its folder of data."""
+        self._run("initdb", "-D", str(self._data), "-A", "trust", "-U", "cell", "--no-sync")
+
+    def start(self) -> None:
+        """Start it, and wait until it answers."""
+        options = f"-c listen_addresses='' -k {self.folder} {self.settings}"
+        log = str(self.folder / "log")
+        self._run(
+            "pg_ctl", "-D", str(self._data), "-o", options, "-l", log, "-w", "start", **self.environment
+        )
+
+    def kill(self, how: signal.Signals) -> None:
+        """Send its first process a signal: SIGQUIT ends all, SIGKILL leaves the others to notice it."""
+        process = int((self._data / "postmaster.pid").read_text().split()[0])
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, how)
+
+    def _run(self, program: str, *arguments: str, **more: str) -> None:
         subprocess.run(
-            [programs / program, *arguments],
+            [PROGRAMS[-1] / program, *arguments],
             check=True,
-            user=account,
+            user=self.account,
             cwd="/",
             capture_output=True,
             env={**os.environ, **more},
         )
 
+
+@contextlib.contextmanager
+def server(settings: str = "-c fsync=off", environment: Mapping[str, str] | None = None) -> Iterator[Server]:
+    """A server that runs. `{data}` in the environment is the folder of its data."""
+    account = "postgres" if os.getuid() == 0 else None
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
         if account:
             shutil.chown(folder, account)
-        data = folder / "data"
-        run("initdb", "-D", str(data), "-A", "trust", "-U", "cell", "--no-sync")
-        options = f"-c listen_addresses='' -k {folder} {settings}"
-        told = {key: value.format(data=data) for key, value in (environment or {}).items()}
-        run("pg_ctl", "-D", str(data), "-o", options, "-l", str(folder / "log"), "-w", "start", **told)
-        process = int((data / "postmaster.pid").read_text().split()[0])
+        told = {key: value.format(data=folder / "data") for key, value in (environment or {}).items()}
+        made = Server(folder, settings, told, account)
+        made.make()
+        made.start()
         try:
-            yield f"postgresql://cell@/postgres?unix_sock={folder}/.s.PGSQL.5432"
+            yield made
         finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(process, signal.SIGQUIT)  # immediate shutdown
+            made.kill(signal.SIGQUIT)  # immediate shutdown
+
+
+@contextlib.contextmanager
+def served(settings: str = "-c fsync=off", environment: Mapping[str, str] | None = None) -> Iterator[str]:
+    """The URL of a server that runs."""
+    with server(settings, environment) as made:
+        yield made.url
 
 
 def emptied(url: str) -> None:

@@ -69,6 +69,7 @@ CODES = {
     "K421": "a run that cannot be begun or told",
     "K422": "a library that is damaged",
     "K425": "a controller that does not answer",
+    "K430": "a cluster that cannot be used",
     "K501": "the plan does not execute",
     "K502": "the plan misses a goal",
     "K503": "unordered steps interfere",
@@ -249,6 +250,12 @@ def nearest(name: str, known: Collection[str]) -> str:
     near = difflib.get_close_matches(name, sorted(known), n=5)
     best = max(near, key=lambda each: each[:1] == name[:1], default="")
     return f"did you mean '{best}'?" if best else ""
+
+
+def suggested(hint: str) -> str:
+    """The name that a hint of `nearest` suggests; empty if it suggests none."""
+    found = re.search(r"did you mean '([^']+)'\?", hint)
+    return found[1] if found else ""
 
 
 def unknown_name(kind: str, name: str, known: Collection[str], where: Source) -> Diagnostic:

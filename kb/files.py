@@ -1,9 +1,13 @@
 """The text of a file, read with care: only regular files of limited size, in UTF-8, without control characters."""
 
 import bisect
+import os
 import re
 import stat
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -12,6 +16,35 @@ MAX_BYTES = 64 * 2**20  # of a file that people write, or that an import writes 
 EXCERPT = 160  # characters of a line shown in a message
 ASCII = "[^\t\n\r\x20-\x7e]"
 UNICODE = "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
+
+
+@dataclass
+class Desk:
+    """Texts that are read in place of files, as an editor holds them unsaved; and the files that were read, in order.
+
+    Both go by absolute paths.
+    """
+
+    unsaved: Mapping[str, str] = field(default_factory=dict)
+    read: dict[str, None] = field(default_factory=dict)
+
+    def text(self, path: Path) -> str | None:
+        """The text that stands for a file, or None."""
+        return self.unsaved.get(os.path.abspath(path))
+
+
+_desk: ContextVar[Desk | None] = ContextVar("desk", default=None)
+
+
+@contextmanager
+def reading(unsaved: Mapping[str, str]) -> Iterator[Desk]:
+    """A context in which these texts are read in place of the files at their absolute paths. It notes what is read."""
+    desk = Desk(unsaved)
+    before = _desk.set(desk)
+    try:
+        yield desk
+    finally:
+        _desk.reset(before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +112,10 @@ def read_file(path: Path, name: str | None = None, most: int = MAX_BYTES) -> Fil
 
 def read_bytes(path: Path, name: str, most: int = MAX_BYTES) -> bytes:
     """The bytes of a regular file of at most so many. Raises `InvalidInput`."""
+    if (held := _held(path, noted=True)) is not None:
+        if len(held) > most:
+            raise InvalidInput([_too_large(name, most)])
+        return held
     try:
         status = path.stat()
         if stat.S_ISREG(status.st_mode) and status.st_size <= most:
@@ -94,13 +131,42 @@ def read_bytes(path: Path, name: str, most: int = MAX_BYTES) -> bytes:
     elif not stat.S_ISREG(status.st_mode):
         found = Diagnostic(Source(name), "K001", "not a regular file", "pipes and devices are not read")
     else:
-        hint = "split the problem, or generate facts with rules"
-        found = Diagnostic(Source(name), "K007", f"larger than {most // 2**20} MiB", hint)
+        found = _too_large(name, most)
     raise InvalidInput([found])
+
+
+def _too_large(name: str, most: int) -> Diagnostic:
+    hint = "split the problem, or generate facts with rules"
+    return Diagnostic(Source(name), "K007", f"larger than {most // 2**20} MiB", hint)
+
+
+def _held(path: Path, noted: bool = False) -> bytes | None:
+    """What an editor holds for a file, as bytes; None if it does not. With `noted`, the file counts as read."""
+    if (desk := _desk.get()) is None:
+        return None
+    if noted:
+        desk.read[os.path.abspath(path)] = None
+    text = desk.text(path)
+    return None if text is None else text.encode("utf-8", "surrogatepass")
+
+
+def first_bytes(path: Path, most: int) -> bytes:
+    """The first bytes of a file; empty if it cannot be read."""
+    if (held := _held(path)) is not None:
+        return held[:most]
+    if not is_file(path):
+        return b""
+    try:
+        with path.open("rb") as file:
+            return file.read(most)
+    except OSError:
+        return b""
 
 
 def is_file(path: Path) -> bool:
     """Whether there is a regular file of this name. For an impossible name, the answer is no."""
+    if _held(path) is not None:
+        return True
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -109,6 +175,8 @@ def is_file(path: Path) -> bool:
 
 def is_there(path: Path) -> bool:
     """Whether anything has this name: a file, a folder, a device, or a link to nothing."""
+    if _held(path) is not None:
+        return True
     try:
         path.lstat()
     except (OSError, ValueError) as error:

@@ -32,7 +32,8 @@ class Command:
     normal reply, with variables for what is measured. A person is asked (`asks`). `lasts_ms` is a forecast. Without a reply
     within `timeout_ms` of its being sent, or of its turn in a queue, the command counts as failed. The device looks at the
     facts in `looks` before it begins, and at those in `watches` as long as it goes on, too; if one is not so, it does not begin,
-    or stops, and replies `not(FACT)`.
+    or stops, and replies `not(FACT)`. `part` is where the part lies, as the first three rows of a displacement of its model, in metres
+    and in the frame of the part: all its points and paths move with it. Empty: as modelled.
     """
 
     number: int
@@ -48,6 +49,7 @@ class Command:
     asks: bool = False
     looks: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
+    part: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,18 +144,20 @@ class RecordKind(StrEnum):
     """What a record of the journal tells. Its content, by key, is described here; every record has `at_ms`.
 
     RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the first record.
-    PLAN: why (first, recovery, reschedule, choice, or the order that asked for it), steps [{id, step, stream, says, after, resources,
+    PLAN: why (first, recovery, reschedule, choice, aligned, again, or the order that asked for it), steps [{id, step, stream, says, after, resources,
           start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, chains
           {name: stages pursued}, given_up, lost, blocked, hands, full (those that hold something),
           ahead [[id, start, low, high]] (as far as starts can be forecast); it replaces the steps that have not begun.
     COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms, timeout_ms, about, asks,
-          step (id in the plan, or null); looks and watches, if there are any.
+          step (id in the plan, or null); looks, watches and part, if there are any.
     REPLY: command, text, data. A command that got none in time has the text `timeout`.
     TROUBLE: trouble (its kind), text, command.
     DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the world model; moved: the
           stages that were reached, [[chain, number, atom]].
     RESULT: command, action, result (the fact of the result pattern, or empty), and where the domain says what is measured of,
-            quantity, value, unit, nominal, lower, upper, passed, tool.
+            quantity, value, unit, nominal, lower, upper, uncertainty, risk, passed, tool.
+    ALIGNMENT: part (twelve numbers, as in commands; empty if no place of the part fits), centre, covariance, wrong (datums that disagree),
+            datums (how many agree), why (none fits): where the part lies, from here on.
     EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command, reply.
     FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis, probability]] before it, expected_cost.
     DIAGNOSIS: exception, causes [[hypothesis, probability]], cured, isolated, cost.
@@ -175,6 +179,7 @@ class RecordKind(StrEnum):
     TROUBLE = "trouble"
     DONE = "done"
     RESULT = "result"
+    ALIGNMENT = "alignment"
     EXCEPTION = "exception"
     FINDING = "finding"
     DIAGNOSIS = "diagnosis"

@@ -25,6 +25,9 @@ class Expected:
     nominal: float | None
     lower: float | None
     upper: float | None
+    uncertainty: float | None = None
+    risk: float | None = None
+    worth: float = 0.0  # in the domain's unit of time
 
 
 class Measuring:
@@ -47,7 +50,11 @@ class Measuring:
         if nominal is not None and width is not None:
             lower, upper = nominal - width / 2, nominal + width / 2
         said = [str(substitute(each, bound)) if each is not None else "" for each in (measure.of, measure.by)]
-        return Expected(said[0], measure.quantity, measure.unit, said[1], nominal, lower, upper)
+        uncertainty, risk = self._number(measure.uncertainty, bound), self._number(measure.risk, bound)
+        worth = self._number(measure.worth, bound) or 0.0
+        return Expected(
+            said[0], measure.quantity, measure.unit, said[1], nominal, lower, upper, uncertainty, risk, worth
+        )
 
     def measured(self, step: Function, reply: Term, at_ms: int) -> Measured | None:
         """What a step has measured by a reply to its command; None if it measures nothing or the reply has no number."""
@@ -68,6 +75,8 @@ class Measuring:
             expected.tool,
             str(step),
             at_ms,
+            expected.uncertainty,
+            expected.risk,
         )
 
     def heard(self, step: Function, reply: str, at_ms: int) -> Measured | None:
@@ -129,7 +138,8 @@ def findings_of(problem: Problem) -> list[Diagnostic]:
 
 
 def _nonsense(measure: Measure, problem: Problem, amounts: Amounts) -> Iterator[Diagnostic]:
-    for name, term in (("tolerance", measure.tolerance), ("nominal", measure.nominal)):
+    for name in ("tolerance", "nominal", "uncertainty", "risk"):
+        term = getattr(measure, name)
         for fact in asked(problem.domain, term):
             for arguments in _keys(fact, amounts, problem.domain):
                 try:
@@ -139,9 +149,21 @@ def _nonsense(measure: Measure, problem: Problem, amounts: Amounts) -> Iterator[
                 except NoAmount as error:
                     yield Diagnostic(problem.where, "K316", str(error), error.hint)
                     continue
-                if name == "tolerance" and value <= 0:
-                    said = f"{Function(fact.name, arguments)} is {value}, so nothing can pass"
-                    yield Diagnostic(problem.where, "K316", said, "give how wide the zone is")
+                if wrong := _wrong(name, value):
+                    said, hint = wrong
+                    told = f"{Function(fact.name, arguments)} is {value}, {said}"
+                    yield Diagnostic(problem.where, "K316", told, hint)
+
+
+def _wrong(name: str, value: int) -> tuple[str, str] | None:
+    """What is wrong with a number for a tolerance, an uncertainty or a risk, and what to try."""
+    if name == "tolerance" and value <= 0:
+        return "so nothing can pass", "give how wide the zone is"
+    if name == "uncertainty" and value < 0:
+        return "and no uncertainty is negative", "give two standard deviations"
+    if name == "risk" and not 0 < value < 50:
+        return "and a risk is more than 0 and less than 50 percent", "give how many percent may be wrong"
+    return None
 
 
 def _keys(fact: Function, amounts: Amounts, domain: Domain) -> list[tuple[Term, ...]]:

@@ -1,9 +1,12 @@
 """The results of a run, from its journal: what was measured, and what was done to each object."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from engine.model.execution import RecordKind
+from engine.model.measurements import chooses_tools
+from engine.model.verdicts import Survey
+from engine.pipelines.inspection import partition
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.past import reading_past
 from engine.pipelines.planning import problem_of
@@ -30,6 +33,38 @@ def results_of(store: str, run: str) -> Results:
         problem = problem_of(*(str(about.get(each, "")) for each in ("target", "goals", "command")))
         with reading_past(store, run):
             return read(begun, problem, journal.lines(run, kinds=KINDS))
+
+
+@dataclass(frozen=True)
+class Told:
+    """The results of a run, and what they show of the part; no survey for a run without measurements."""
+
+    results: Results
+    survey: Survey | None
+
+
+def survey_of(store: str, run: str) -> Told:
+    """What a run has given until now, and what that shows. Raises `InvalidInput` as `results_of` does."""
+    from engine.pipelines.verdicts.surveying import survey  # it needs numpy
+
+    with Journal(store) as journal:
+        begun = journal.known(run)
+        about = begun.document
+        problem = problem_of(*(str(about.get(each, "")) for each in ("target", "goals", "command")))
+        with reading_past(store, run):
+            results = read(begun, problem, journal.lines(run, kinds=KINDS))
+            if not results.measured:
+                return Told(results, None)
+            told = list(journal.lines(run, kinds=(RecordKind.ALIGNMENT.value, RecordKind.GIVEN_UP.value)))
+    placed = [(line.content, line.at_ms) for line in told if line.kind == RecordKind.ALIGNMENT.value]
+    given_up = [
+        (line.content["goal"], line.content["why"]) for line in told if line.kind == RecordKind.GIVEN_UP.value
+    ]
+    return Told(results, survey(problem, results, placed, given_up, _impossible(problem)))
+
+
+def _impossible(problem: Problem) -> Mapping[str, str]:
+    return partition(problem).impossible if chooses_tools(problem.domain) else {}
 
 
 def read(begun: Begun, problem: Problem, lines: Iterable[Line]) -> Results:

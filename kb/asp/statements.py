@@ -57,6 +57,18 @@ def statements(text: str, place: Place, pools: bool = False) -> Iterator[ParsedS
             yield from _statement(node, place(begin.line, begin.column), pools)
 
 
+def printed(text: str) -> list[str]:
+    """The statements of an ASP text as clingo prints them, comments left out. Raises `AspError`."""
+    messages, nodes = Messages(), list[ast.AST]()
+    if (found := suspicion(text, MAX_LENGTH)) is not None:
+        raise AspError([(text.count("\n", 0, found.offset) + 1, 0, found.message)])
+    try:
+        ast.parse_string(text, nodes.append, logger=messages)
+    except (RuntimeError, UnicodeEncodeError) as error:
+        raise AspError(messages.heard or [(0, 0, str(error))]) from None
+    return [str(node) for node in nodes if node.ast_type not in _SILENT]
+
+
 _SILENT = {ast.ASTType.Comment} if hasattr(ast.ASTType, "Comment") else set()
 _REFUSED = {
     ast.ASTType.External: ("#external is not part of the language", "declare a fluent"),

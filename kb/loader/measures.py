@@ -11,7 +11,10 @@ from kb.model.domain import Measure
 from kb.terms import Number, Term, Variable, variables
 
 TERMS = ("of", "by", "value")
-NUMBERS = ("nominal", "tolerance", "lower", "upper")
+NUMBERS = {
+    "nominal": "int", "tolerance": "int", "lower": "int", "upper": "int", "uncertainty": "int", "risk": "int", "worth": "time",
+}  # fmt: skip
+SIGNED = ("nominal", "lower", "upper")
 
 
 class MeasureReader:
@@ -24,9 +27,9 @@ class MeasureReader:
 
     def infer(self, typing: Typing) -> None:
         """What its numbers say of the types of variables."""
-        for name in NUMBERS:
+        for name, type_ in NUMBERS.items():
             if expression := self.given.get(name):
-                Counted(self.names, typing, name, "int", expression, signed=name != "tolerance").check()
+                Counted(self.names, typing, name, type_, expression, signed=name in SIGNED).check()
 
     def read(self, operator: str, header: Collection[Variable], reply: Term | None) -> Measure | None:
         """What is measured; None if nothing is, or if it cannot be read. What is wrong with it goes to the findings."""
@@ -63,7 +66,7 @@ class MeasureReader:
                     self.names.findings.add(expression.place(variable), "K105", message, hint)
 
     def _refuse_nonsense(self) -> None:
-        for place, message, hint in _nonsense(self.given):
+        for place, message, hint in (*_nonsense(self.given), *_unsure(self.given)):
             self.names.findings.add(place.node.where, "K316", message, hint)
 
 
@@ -79,3 +82,18 @@ def _nonsense(given: dict[str, Expression]) -> Iterator[tuple[Expression, str, s
     values = [each.value.value for each in limits if isinstance(each.value, Number)]
     if len(values) == 2 and values[0] > values[1]:
         yield limits[0], f"the lower limit {values[0]} is above the upper limit {values[1]}", "exchange them"
+
+
+def _unsure(given: dict[str, Expression]) -> Iterator[tuple[Expression, str, str]]:
+    """What contradicts itself in what is said of the uncertainty of a measurement."""
+    if "uncertainty" not in given:
+        for name in ("risk", "worth"):
+            if name in given:
+                yield (
+                    given[name],
+                    f"a {name} without an uncertainty",
+                    "add `uncertainty`: two standard deviations",
+                )
+    risk = given.get("risk")
+    if risk is not None and isinstance(risk.value, Number) and not 0 < risk.value.value < 50:
+        yield risk, f"a risk of {risk.value} percent", "write more than 0 and less than 50"

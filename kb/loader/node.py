@@ -26,15 +26,22 @@ class Node(NamedTuple):
         return self.file.at(self.start)
 
     def place(self, offset: int) -> Source:
-        """The place of character `offset` of a scalar's value, found by counting non-blank characters in the file.
+        """The place of character `offset` of a scalar's value."""
+        return self.file.at(self.offset_of(offset))
 
-        The place is exact for plain, quoted, folded and literal scalars; escapes inside double quotes shift it.
+    def offset_of(self, offset: int) -> int:
+        """Where character `offset` of a scalar's value stands in the file, found by counting non-blank characters.
+
+        It is exact for plain, quoted, folded and literal scalars; escapes inside double quotes shift it.
         """
-        visible = _visible(self.file.text[self.start : self.end])
+        raw = self.file.text[self.start : self.end]
+        if raw == self.value:
+            return min(self.start + offset, max(self.start, self.end - 1))
+        visible = _visible(raw)
         wanted = len("".join(self.value[:offset].split()))
         if wanted >= len(visible):
-            return self.file.at(max(self.start, self.end - 1)) if offset and visible else self.where
-        return self.file.at(self.start + visible[wanted])
+            return max(self.start, self.end - 1) if offset and visible else self.start
+        return self.start + visible[wanted]
 
     def plain(self) -> Any:
         """The content as strings, lists and dicts; an empty scalar is None."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import is_file, is_there, read_file
+from kb.files import first_bytes, is_file, is_there, read_file
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.targets import DOMAIN_FILE, bundled, find
 
@@ -100,10 +100,4 @@ def _name_in(path: Path) -> str:
 
 def _head(path: Path) -> str:
     """The part of a file in which its name stands; empty if it cannot be read."""
-    if not is_file(path):
-        return ""
-    try:
-        with path.open("rb") as file:
-            return file.read(HEAD_BYTES).decode("utf-8-sig", "replace").replace("\r", "\n")
-    except OSError:
-        return ""
+    return first_bytes(path, HEAD_BYTES).decode("utf-8-sig", "replace").replace("\r", "\n")

@@ -36,7 +36,7 @@ def _read(file: File, most: int) -> tuple[Node, list[Diagnostic]]:
         return quick, []
     found: list[Diagnostic] = []
     try:
-        root = _Composer(file, found, most).compose()
+        root = Composer(file, found, most).compose()
     except yaml.YAMLError as error:
         raise InvalidInput([*found, _yaml_error(file, error)]) from None
     return root, found
@@ -45,7 +45,22 @@ def _read(file: File, most: int) -> tuple[Node, list[Diagnostic]]:
 _remembered = functools.lru_cache(64)(_read)
 
 
-class _Composer:
+def outlined(text: str) -> Iterator[str | None]:
+    """The scalars of a YAML text in order, and None where a mapping or list begins or ends. Raises `InvalidInput`.
+
+    It takes a third of the time of a tree.
+    """
+    try:
+        for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+            if isinstance(event, yaml.ScalarEvent):
+                yield event.value
+            elif isinstance(event, yaml.CollectionStartEvent | yaml.CollectionEndEvent):
+                yield None
+    except yaml.YAMLError as error:
+        raise InvalidInput([_yaml_error(File.of("", text), error)]) from None
+
+
+class Composer:
     """Builds the tree from parser events. An explicit stack limits the depth, instead of Python's recursion limit."""
 
     def __init__(self, file: File, found: list[Diagnostic], most: int) -> None:

@@ -87,7 +87,8 @@ class Measure:
     """What a step measures: the `quantity` `of` something, as `value` in the reply, with a tool.
 
     The value should be `nominal` and lie in a zone as wide as `tolerance` around it, or between `lower` and `upper`. All
-    numbers count `unit`s.
+    these count `unit`s, and so does `uncertainty`, the expanded one of a value (two standard deviations). `risk` is how many
+    percent of the decisions may be wrong, `worth` is how long it may take to come to a decision.
     """
 
     of: Term
@@ -99,6 +100,9 @@ class Measure:
     tolerance: Term | None = None
     lower: Term | None = None
     upper: Term | None = None
+    uncertainty: Term | None = None
+    risk: Term | None = None
+    worth: Term | None = None
     where: Source = field(default=NOWHERE, compare=False)
 
 

@@ -5,13 +5,16 @@ Times in `_ms` are milliseconds since the run began.
 
 from dataclasses import dataclass
 
+from kb.model.conformity import RISK, Conformity, conformity
+
 
 @dataclass(frozen=True, slots=True)
 class Measured:
     """One value that was measured: the `quantity` `of` something, by `tool`, with the step `action`.
 
     `nominal` is what it should be. It passes if it is at least `lower` and at most `upper`, which count `unit`s like the
-    value. None: nobody said.
+    value. None: nobody said. `uncertainty` is the expanded one of the value, two standard deviations; `risk` is how many percent
+    of the decisions may be wrong.
     """
 
     of: str
@@ -24,6 +27,8 @@ class Measured:
     tool: str = ""
     action: str = ""
     at_ms: int = 0
+    uncertainty: float | None = None
+    risk: float | None = None
 
     @property
     def passed(self) -> bool | None:
@@ -32,6 +37,14 @@ class Measured:
             return None
         above = self.lower is None or self.value >= self.lower
         return above and (self.upper is None or self.value <= self.upper)
+
+    @property
+    def conformity(self) -> Conformity | None:
+        """What the value shows by ISO 14253-1; None if it has no limits, or if nobody said how uncertain it is."""
+        if self.uncertainty is None:
+            return None
+        risk = RISK if self.risk is None else self.risk
+        return conformity(self.value, self.lower, self.upper, self.uncertainty, risk)
 
 
 @dataclass(frozen=True, slots=True)

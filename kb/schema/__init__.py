@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from kb.schema.validation import Deviation, deviations, model_of
+from kb.schema.validation import Deviation, deviations, keys_at, model_of, values_at
 
-__all__ = ["KINDS", "Deviation", "deviations", "json_schema"]
+__all__ = ["KINDS", "Deviation", "deviations", "json_schema", "keys_at", "values_at"]
 
 KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "device", "events")
 

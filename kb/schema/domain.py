@@ -62,6 +62,16 @@ class MeasuresEntry(Strict):
     upper: str | int | None = Field(
         None, description="the greatest value that passes, in place of a tolerance"
     )
+    uncertainty: str | int | None = Field(
+        None,
+        description="the expanded uncertainty of a value, two standard deviations: a number, accuracy(Tool), arithmetic",
+    )
+    risk: str | int | None = Field(
+        None, description="how many percent of the decisions may be wrong; 5 if there is an uncertainty"
+    )
+    worth: str | int | None = Field(
+        None, description="how long further measurements may take for one decision: 2 min; 0 if left out"
+    )
 
 
 class CommandEntry(Strict):

@@ -50,7 +50,9 @@ class PlanEvent(_Event):
     """A plan, which replaces all steps that have not begun."""
 
     kind: Literal["plan"] = Field(description="what happened")
-    why: str = Field(description="first, recovery, reschedule, choice, or the order that asked for it")
+    why: str = Field(
+        description="first, recovery, reschedule, choice, aligned (the part was found elsewhere), again (values are doubtful or undecided), or the order that asked for it"
+    )
     steps: list[PlannedStep] = Field(description="its steps")
     forecast_ms: int = Field(description="the forecast of its end")
     goals: list[str] = Field(description="what it is for")
@@ -76,6 +78,10 @@ class CommandEvent(_Event):
     timeout_ms: int | None = Field(None, description="when it is given up")
     looks: list[str] = Field(default_factory=list, description="facts that the device looks at first")
     watches: list[str] = Field(default_factory=list, description="facts that it looks at until the step ends")
+    part: list[float] = Field(
+        default_factory=list,
+        description="where the part lies: three rows of a displacement of its model, in metres",
+    )
 
 
 class ReplyEvent(_Event):
@@ -123,6 +129,12 @@ class ResultEvent(_Event):
     nominal: float | None = Field(None, description="what the value should be, if that is known")
     lower: float | None = Field(None, description="the least value that passes")
     upper: float | None = Field(None, description="the greatest value that passes")
+    uncertainty: float | None = Field(
+        None, description="of the value: two standard deviations, if that is known"
+    )
+    risk: float | None = Field(
+        None, description="how many percent of the decisions may be wrong, if that is said"
+    )
     passed: bool | None = Field(None, description="the verdict; null if nobody said what passes")
     tool: str | None = Field(None, description="the tool that measured")
 
@@ -183,6 +195,22 @@ class GoalEvent(_Event):
     goal: str = Field(description="the goal")
 
 
+class AlignmentEvent(_Event):
+    """It was found out where the part lies, or that it fits nowhere."""
+
+    kind: Literal["alignment"] = Field(description="what happened")
+    part: list[float] = Field(
+        description="three rows of a displacement of its model, in metres; empty: it fits nowhere"
+    )
+    centre: list[float] = Field(default_factory=list, description="the middle of the datums, in metres")
+    covariance: list[list[float]] = Field(
+        default_factory=list, description="of a shift and a turn about the centre: metres and radians"
+    )
+    datums: int = Field(0, description="how many datums agree")
+    wrong: list[str] = Field(default_factory=list, description="the datums that disagree")
+    why: str = Field("", description="why it fits nowhere")
+
+
 class OrderEvent(_Event):
     """A person or another program told the run something."""
 
@@ -233,7 +261,7 @@ class EndEvent(_Event):
 AnyEvent = Annotated[
     RunEvent | PlanEvent | CommandEvent | ReplyEvent | TroubleEvent | DoneEvent | ResultEvent | ExceptionEvent
     | FindingEvent | DiagnosisEvent | WorldEvent | GivenUpEvent | GoalEvent | OrderEvent | DecisionEvent
-    | PhaseEvent | CheckpointEvent | EndEvent,
+    | PhaseEvent | CheckpointEvent | EndEvent | AlignmentEvent,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

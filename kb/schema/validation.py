@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
@@ -168,6 +169,11 @@ def _advice(expected: Sequence[str], found: Any) -> str:
 def known_keys(model: type[BaseModel], path: Path) -> list[str]:
     """The keys that a mapping at `path` may have; empty if it may have any keys."""
     schema = model.model_json_schema(by_alias=True)
+    return list(_at(schema, path).get("properties", {}))
+
+
+def _at(schema: Any, path: Path) -> Any:
+    """The part of a JSON Schema that describes what is at `path`."""
     at: Any = schema
     for part in path:
         at = _resolved(schema, at)
@@ -175,11 +181,36 @@ def known_keys(model: type[BaseModel], path: Path) -> list[str]:
             at = at.get("items", {})
         else:
             at = at.get("properties", {}).get(part) or at.get("additionalProperties") or {}
-    return list(_resolved(schema, at).get("properties", {}))
+    return _resolved(schema, at)
+
+
+@lru_cache(maxsize=16)
+def _schema(kind: str) -> Any:
+    return model_of(kind).model_json_schema(by_alias=True)
+
+
+def keys_at(kind: str, path: Path) -> dict[str, str]:
+    """The keys that a mapping at `path` of a kind of file may have, each with its description."""
+    schema = _schema(kind)
+    found = _at(schema, path).get("properties", {})
+    return {key: _description(schema, each) for key, each in found.items()}
+
+
+def values_at(kind: str, path: Path) -> list[str]:
+    """The values among which a scalar at `path` of a kind of file chooses; empty if it is free."""
+    at = _at(_schema(kind), path)
+    if at.get("type") == "boolean":
+        return ["true", "false"]
+    return [str(each) for option in [at, *at.get("anyOf", [])] for each in option.get("enum", [])]
+
+
+def _description(schema: Any, at: Any) -> str:
+    said = at.get("description") or _resolved(schema, at).get("description") or ""
+    return str(said)
 
 
 def _resolved(schema: Any, at: Any) -> Any:
-    for option in [at, *at.get("anyOf", [])]:
+    for option in [at, *at.get("anyOf", []), *at.get("allOf", [])]:
         if "$ref" in option:
             return schema["$defs"][option["$ref"].rsplit("/", 1)[1]]
     return at

@@ -1,4 +1,4 @@
-"""Back up a library while others use it, and restore it: a backup is a library in one SQLite file, whatever it came from."""
+"""Back up a library while others use it, restore it, and copy it to a database of the other kind: a backup is a library in one SQLite file, whatever it came from."""
 
 import contextlib
 import os
@@ -17,6 +17,7 @@ from kb.store.journal import metadata as journal_tables
 from kb.store.opening import existing, opened
 
 ROWS = 1000  # that are copied at once
+_FULL = "name an empty one, or put a backup in its place: `cellwright store restore BACKUP --replace`"
 
 
 def back_up(store: str, file: Path) -> dict[str, int]:
@@ -48,11 +49,32 @@ def restore(file: Path, store: str, replaces: bool = False) -> dict[str, int]:
     findings = checked(str(file))[0]
     if findings:
         raise refusal(str(file), f"this backup is damaged: {findings[0].message}", "take another one", "K422")
+    return _put(str(file), store, replaces)
+
+
+def migrate(source: str, store: str) -> dict[str, int]:
+    """Copy a library as it is at one moment into an empty one, which may be of the other kind; returns the rows of each table.
+
+    The source stays as it is. The copy is checked. Raises `InvalidInput`.
+    """
+    if address(source) == address(store):
+        raise refusal(source, "this is the library that it shall be copied to", "name another one", "K409")
+    findings = checked(source)[0]
+    if findings:
+        hint = "`cellwright store check` lists it all"
+        raise refusal(source, f"this library is damaged: {findings[0].message}", hint, "K422")
+    found = _put(source, store, replaces=False)
+    if lost := checked(store)[0]:
+        raise refusal(store, f"the copy is damaged: {lost[0].message}", "empty it, and start again", "K422")
+    return found
+
+
+def _put(origin: str, store: str, replaces: bool) -> dict[str, int]:
+    """Put what is in a library into another one, in one transaction."""
     _make(store) if not replaces else _make_anew(store)
-    with existing(str(file)) as backup, _both(backup, str(file), connected(store), store) as (source, target):
+    with existing(origin) as held, _both(held, origin, connected(store), store) as (source, target):
         if not replaces and any(_count(target, each) for each in tables()):
-            hint = "--replace puts the backup in its place"
-            raise refusal(store, "this library is not empty", hint, "K403")
+            raise refusal(store, "this library is not empty", _FULL, "K403")
         for each in reversed(tables()):
             target.execute(delete(each))
         _copy_rows(source, target)

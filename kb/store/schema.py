@@ -125,6 +125,16 @@ poses = Table(
     Column("document", Text, nullable=False),
 )
 
+# Results of finished pieces of a work that is not finished as a whole. `key` is a digest of all that a result depends on.
+units = Table(
+    "units",
+    metadata,
+    Column("kind", String, primary_key=True),
+    Column("name", String, primary_key=True),
+    Column("key", String(64), nullable=False),
+    Column("document", Text, nullable=False),
+)
+
 
 def _first(connection: Connection) -> None:
     metadata.create_all(connection, [macrops, dependencies])
@@ -179,6 +189,10 @@ def _with_poses(connection: Connection) -> None:
     metadata.create_all(connection, [poses])
 
 
+def _with_units(connection: Connection) -> None:
+    metadata.create_all(connection, [units])
+
+
 MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _first,
     _with_usage,
@@ -187,6 +201,7 @@ MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _with_utility,
     _with_outlines,
     _with_poses,
+    _with_units,
 )
 CURRENT = len(MIGRATIONS)
 

@@ -87,7 +87,8 @@ def written(pages: Iterable[str]) -> list[str]:
             r"(?<!`)`(cellwright [^`]*)`", re.sub(r"^```.*?^```", "", page, flags=re.M | re.S)
         )
         found |= dict.fromkeys(" ".join(each.split()) for each in [*indented, *inline])
-    return [line for line in found if not line.startswith("cellwright monitor")]  # it serves until Ctrl-C
+    serving = ("cellwright monitor", "cellwright lsp")  # they serve until they are ended
+    return [line for line in found if not line.startswith(serving)]
 
 
 def run(line: str) -> Result:

@@ -12,7 +12,7 @@ from kb.diagnostics import InvalidInput
 from kb.files import File, unprintable
 from kb.loader.json_tree import json_tree
 from kb.loader.node import MAX_NODES, Node
-from kb.loader.tree import _Composer, read_tree
+from kb.loader.tree import Composer, read_tree
 
 words = st.text(st.sampled_from('ab "\\/,:{}[]#-\n\té~'), max_size=6)
 values = st.recursive(
@@ -28,7 +28,7 @@ def composed(file: File) -> Node | None:
     """The tree by YAML; None if YAML has something to say."""
     found: list[Any] = []
     try:
-        tree = _Composer(file, found, MAX_NODES).compose()
+        tree = Composer(file, found, MAX_NODES).compose()
     except (yaml.YAMLError, InvalidInput):
         return None
     return None if found else tree

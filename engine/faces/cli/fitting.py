@@ -109,10 +109,10 @@ def _fit(asked: "list[tuple[Shape, Path]]", sigma_m: float) -> Answer:
 
 def _align(target: str, path: Path, sigma_m: float, within: float | None, output: Path | None) -> Answer:
     from engine.formats.interop.alignments import datums_of, read_results, write_moved
-    from engine.formats.interop.measurements import points
     from engine.formats.report import alignments
     from engine.model.fits import Alignment
     from engine.pipelines import planning
+    from engine.pipelines.points import points
     from engine.stages.fitting.alignment import aligned, sure_enough
 
     problem = planning.problem_of(target)

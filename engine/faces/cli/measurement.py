@@ -92,8 +92,8 @@ def _list(target: str) -> Answer:
     from engine.formats.report.inspection import entry, parts
     from engine.formats.report.rows import TextTable
     from engine.pipelines.inspection import partition
-    from engine.pipelines.inspection.places import with_places
     from engine.pipelines.planning import loaded
+    from engine.pipelines.points import with_places
     from kb.diagnostics import Diagnostic, InvalidInput, Source
     from kb.loader import find
 

@@ -10,7 +10,8 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
-from engine.faces.cli.options import Format, Seed, Target, number, refuse_idle
+from engine.faces.cli.options import Cluster, Format, Seed, Target, number, refuse_idle
+from engine.faces.cli.working import Work
 
 if TYPE_CHECKING:
     from engine.pipelines.motion.moving import Motion, Wish
@@ -82,6 +83,15 @@ Direct = Annotated[
 ]
 Tool = Annotated[str, typer.Option(help="the tool in hand, where no place says which")]
 Rest = Annotated[bool, typer.Option("--rest", help="rest at each configuration, and cut no corner")]
+MotionJobs = Annotated[
+    int, typer.Option("--jobs", min=0, help="number of processes; 0 means as many as there are processors")
+]
+Notes = Annotated[
+    str,
+    typer.Option(
+        "--store", help="a library that notes what is finished, until all is: the next call goes on"
+    ),
+]
 Shown = Annotated[MotionForm, typer.Option("--format", help="how it is shown")]
 Azimuth = Annotated[float, typer.Option(callback=number, help="degrees about z from which a PNG is seen")]
 Elevation = Annotated[float, typer.Option(callback=number, help="degrees above the ground")]
@@ -108,6 +118,9 @@ def plan_motion(
     direct: Direct = False,
     tool: Tool = "",
     rest: Rest = False,
+    jobs: MotionJobs = 1,
+    cluster: Cluster = "",
+    store: Notes = "",
     seed: Seed = 0,
     format: Shown = MotionForm.TEXT,
     output: Output = None,
@@ -115,7 +128,11 @@ def plan_motion(
     elevation: Elevation = 30.0,
 ) -> None:
     """Plan a motion in the cell of TARGET that touches nothing, and prove it."""
+    work = _work(jobs, cluster, store)
     _refuse_misfits(problems, start, goal, format, output)
+    if problems is None:
+        asked = {"--jobs": jobs != 1, "--cluster": cluster, "--store": store}
+        refuse_idle(asked, "without --problems")
     form = Form.JSON if format is MotionForm.JSON else Form.TEXT
 
     def wished() -> "Wish":
@@ -128,9 +145,16 @@ def plan_motion(
     if problems is not None:
         from engine.faces.cli.motion_sets import replays
 
-        give(lambda: replays(target, problems, wished, output), form)
+        give(lambda: replays(target, problems, wished, output, work), form)
     seen = (math.radians(azimuth), math.radians(elevation))
     give(lambda: _planned(target, (start, tuple(goal or ())), wished, format, output, seen), form)
+
+
+def _work(jobs: int, cluster: str, store: str) -> Work:
+    """How units of work are carried out. Raises `IdleOption` for --jobs beside --cluster."""
+    if cluster:
+        refuse_idle({"--jobs": jobs != 1}, "with --cluster")
+    return Work(jobs, cluster, store)
 
 
 def _refuse_misfits(
@@ -169,13 +193,17 @@ def motion_travel(
     place: Annotated[
         list[str] | None, typer.Option(help="only these places; all that take the tool otherwise")
     ] = None,
+    jobs: MotionJobs = 1,
+    cluster: Cluster = "",
+    store: Notes = "",
     format: Annotated[TableForm, typer.Option("--format", help="how it is shown")] = TableForm.TEXT,
 ) -> None:
     """Print how long free motions between the places of TARGET's cell take."""
     from engine.faces.cli.motion_sets import table
 
     form = Form.JSON if format is TableForm.JSON else Form.TEXT
-    give(lambda: table(target, tool, tuple(place or ()), format is TableForm.FACTS), form)
+    work = _work(jobs, cluster, store)
+    give(lambda: table(target, tool, tuple(place or ()), format is TableForm.FACTS, work), form)
 
 
 Played = Annotated[str, typer.Argument(metavar="TARGET", help="what `plan` takes; leave it out with --run")]

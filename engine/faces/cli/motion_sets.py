@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from engine.faces.cli.answers import Answer
 from engine.faces.cli.exits import INFEASIBLE
+from engine.faces.cli.working import Work, crew_asked, progress_of
 
 if TYPE_CHECKING:
     from engine.pipelines.motion.moving import Wish
@@ -28,13 +29,17 @@ def generated(target: str, count: int, seed: int, tool: str, output: Path | None
     return Answer("found", {"problems": listed}, lambda: Text(said))
 
 
-def replays(target: str, problems: Path, wished: "Callable[[], Wish]", output: Path | None) -> Answer:
+def replays(
+    target: str, problems: Path, wished: "Callable[[], Wish]", output: Path | None, work: "Work"
+) -> Answer:
     """What the planner makes of a saved set; exit code 10 if an answer is not the saved one."""
+    from engine.faces.cli.interruption import Interruption
     from engine.formats.report import motion_tables as report
-    from engine.pipelines.motion.moving import Site
-    from engine.pipelines.motion.problems import replayed
+    from engine.pipelines.motion.sets import replayed_set
 
-    found = list(replayed(Site.of(target), _read(problems), wished()))
+    crew = crew_asked(work.jobs, work.cluster)
+    with Interruption() as interrupted, progress_of("motions") as progress:
+        found = replayed_set(target, _read(problems), wished(), crew, work.store, interrupted, progress)
     entry = report.replay_entry(found)
     if output is not None:
         output.write_text(_file(entry), encoding="utf-8")
@@ -60,16 +65,18 @@ def _file(content: dict[str, object]) -> str:
     return json.dumps(content, indent=1) + "\n"
 
 
-def table(target: str, tool: str, places: tuple[str, ...], facts: bool) -> Answer:
+def table(target: str, tool: str, places: tuple[str, ...], facts: bool, work: "Work") -> Answer:
     """Travel times between the places of a cell; with `facts`, as facts for a problem file."""
+    from engine.faces.cli.interruption import Interruption
     from engine.formats.report import motion_tables as report
-    from engine.pipelines.motion import table as pipeline
-    from engine.pipelines.motion.moving import Site
+    from engine.pipelines.motion.sets import table_by
     from kb.loader import find, load
     from kb.syntax import SECONDS
 
     unit_s = float(SECONDS[load(find(target)).domain.time_unit])
-    found = pipeline.table(Site.of(target), tool, places)
+    crew = crew_asked(work.jobs, work.cluster)
+    with Interruption() as interrupted:
+        found = table_by(target, tool, places, crew, work.store, interrupted)
     if facts:
         return Answer("found", raw="".join(f"  - {each}\n" for each in found.facts(unit_s)))
     return Answer("found", report.travel_entry(found, unit_s), lambda: report.travel(found))

@@ -71,6 +71,16 @@ Library = Annotated[
         help="a library of MACROPs: a file, or postgresql://USER@HOST/DATABASE",
     ),
 ]
+Cluster = Annotated[
+    str,
+    typer.Option(
+        metavar="ADDRESS",
+        help="a Dask cluster that does the work, by the HOST:PORT of its scheduler; it sees the same files and store",
+    ),
+]
+Jobs = Annotated[
+    int, typer.Option(min=0, help="number of processes; 0 means as many as there are processors")
+]
 Windows = Annotated[
     list[str] | None,
     typer.Option("--window", help="when a visit may begin, from the start of the tour: 'm3=10..90, m4=..60'"),

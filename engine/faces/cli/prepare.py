@@ -1,10 +1,6 @@
 """`cellwright prepare`: plan a set of problems before the plans are needed."""
 
 import dataclasses
-import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,13 +8,15 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import BAD_INPUT, GAVE_UP, INTERRUPTED, LIMIT
-from engine.faces.cli.options import Expansions, Format, Library, Seed, TimeLimit
+from engine.faces.cli.options import Cluster, Expansions, Format, Jobs, Library, Seed, TimeLimit
+from engine.faces.cli.working import crew_asked, progress_of, refuse_both
 from engine.model.wording import counted
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from engine.pipelines.preparation import KeptPoses, KeptSequence, Preparation
+    from engine.pipelines.units import Crew
 
 
 def prepare(
@@ -26,35 +24,37 @@ def prepare(
         str, typer.Argument(help="a domain (all its problems), a folder of problems, or one problem")
     ],
     store: Library,
-    jobs: Annotated[
-        int, typer.Option(min=0, help="number of processes; 0 means as many as there are processors")
-    ] = 0,
+    jobs: Jobs = 0,
+    cluster: Cluster = "",
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
     format: Format = Form.TEXT,
 ) -> None:
     """Plan every problem of TARGET, sequence its measurements, and fill the store before plans are needed."""
+    refuse_both(jobs, cluster)
     give(
-        lambda: _prepare(target, store, jobs or len(os.sched_getaffinity(0)), time_limit, expansions, seed),
+        lambda: _prepare(target, store, crew_asked(jobs, cluster), time_limit, expansions, seed),
         format,
     )
 
 
-def _prepare(target: str, store: str, jobs: int, seconds: float | None, expansions: int, seed: int) -> Answer:
+def _prepare(
+    target: str, store: str, crew: "Crew", seconds: float | None, expansions: int, seed: int
+) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.pipelines.preparation import prepare as prepare_all
     from engine.stages.planning import Limits
 
     paths = _problems(target)
-    with Interruption(seconds) as interrupted, _progress() as progress:
+    with Interruption(seconds) as interrupted, progress_of("planning") as progress:
         limits = Limits(expansions, interrupted=interrupted, seed=seed)
-        found = prepare_all(paths, store, limits, jobs, progress)
+        found = prepare_all(paths, store, limits, crew, progress)
     statuses = {each.status for each in found.problems}
     code = INTERRUPTED if interrupted.heard else BAD_INPUT if "bad input" in statuses else 0
     if not code and ("gave up" in statuses or len(found.problems) < len(paths)):
         code = LIMIT if interrupted() else GAVE_UP
-    diagnostics = tuple(diagnostic for each in found.problems for diagnostic in each.diagnostics)
+    diagnostics = tuple(dict.fromkeys(d for each in found.problems for d in each.diagnostics))
     return Answer(
         "ok" if not code else "incomplete", _content(found), lambda: _text(found), code, diagnostics
     )
@@ -76,24 +76,6 @@ def _problems(target: str) -> list[Path]:
         hint = "problems are .yaml files in the folder `problems` beside a domain"
         raise InvalidInput([Diagnostic(Source(target), "K405", "there are no problems here", hint)])
     return found
-
-
-@contextmanager
-def _progress() -> "Iterator[Callable[[int, int], None]]":
-    """A progress bar on a terminal; nothing in a pipe."""
-    if not sys.stderr.isatty():
-        from engine.pipelines.preparation import silent
-
-        yield silent
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from engine.faces.cli.terminal import console
-
-    columns = (TextColumn("planning"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
-        shown = bar.add_task("", total=None)
-        yield lambda done, of: bar.update(shown, completed=done, total=of)
 
 
 def _content(found: "Preparation") -> dict[str, Any]:

@@ -17,12 +17,17 @@ RunName = Annotated[
 ]
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="write them there: FILE.csv, FILE.json or FILE.qif"),
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="write them there: FILE.csv, FILE.json, FILE.qif, or a report FILE.html",
+    ),
 ]
 
 
 def results(run: RunName = "", store: Store = "", output: Output = None, format: Format = Form.TEXT) -> None:
-    """Show what RUN has measured, and the history of each object; or write it as CSV, JSON or QIF Results."""
+    """Show what RUN has measured, and the history of each object; or write it as CSV, JSON, QIF Results or a report in HTML."""
     if output is not None and not run:
         raise typer.BadParameter("--output needs the name of a run")
     where = store or default_store()
@@ -33,16 +38,50 @@ def _results(run: str, store: str, output: Path | None) -> Answer:
     from rich.text import Text
 
     from engine.formats.interop.results import written
-    from engine.formats.interop.results.notation import entry
-    from engine.formats.report import results as report
     from engine.pipelines.results import results_of
 
-    form = None if output is None else _form(output)
+    if output is None:
+        return _shown(run, store)
+    if output.suffix.lower() == ".html":
+        return _report(run, store, output)
+    form = _form(output)
     found = results_of(store, run)
-    if output is None or form is None:
-        return Answer("ok", entry(found), lambda: report.text(found))
     output.write_bytes(written(found, form).encode("utf-8"))
     content = {"file": str(output), "measured": len(found.measured)}
+    return Answer("ok", content, lambda: Text(str(output)))
+
+
+def _shown(run: str, store: str) -> Answer:
+    """The results, and what they show of the part."""
+    from rich.console import Group
+
+    from engine.formats.interop.results.notation import entry
+    from engine.formats.report import results as report
+    from engine.formats.report import survey as surveys
+    from engine.pipelines.results import survey_of
+
+    told = survey_of(store, run)
+    found, survey = told.results, told.survey
+    content = entry(found) | ({} if survey is None else {"survey": surveys.entry(survey)})
+    if survey is None:
+        return Answer("ok", content, lambda: report.text(found))
+    return Answer("ok", content, lambda: Group(report.text(found), "", surveys.text(survey)))
+
+
+def _report(run: str, store: str, output: Path) -> Answer:
+    """The report of an inspection in HTML."""
+    from rich.text import Text
+
+    from engine.formats.report.survey_html import document
+    from engine.pipelines.results import survey_of
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    told = survey_of(store, run)
+    if told.survey is None:
+        hint = "write FILE.json: it has the history of each object"
+        raise InvalidInput([Diagnostic(Source(run), "K406", "the run has measured nothing to report", hint)])
+    output.write_text(document(told.results, told.survey), "utf-8")
+    content = {"file": str(output), "features": len(told.survey.features)}
     return Answer("ok", content, lambda: Text(str(output)))
 
 
@@ -52,7 +91,7 @@ def _form(output: Path) -> "ResultForm":
 
     known = [each.value for each in Forms]
     if output.suffix[1:].lower() not in known:
-        hint = f"one of {', '.join(f'{output.stem}.{each}' for each in known)}"
+        hint = f"one of {', '.join(f'{output.stem}.{each}' for each in (*known, 'html'))}"
         raise InvalidInput([Diagnostic(Source(str(output)), "K406", "results have no such form", hint)])
     return Forms(output.suffix[1:].lower())
 

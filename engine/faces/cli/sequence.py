@@ -212,7 +212,7 @@ def _read(target: str, wanted: tuple[list[str], list[str], list[str]]) -> Visits
     from engine.formats.interop.tsplib import read_tsplib
     from engine.pipelines.inspection import partition, tour_problem
     from engine.pipelines.inspection.demands import known, of_options, with_demands
-    from engine.pipelines.inspection.places import with_places
+    from engine.pipelines.points import with_places
     from kb.files import is_file
 
     demands = of_options(*wanted)

@@ -19,7 +19,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 @app.callback()
 def store() -> None:
-    """Check, back up and restore a library, with the closed cases, sequences, poses and journals in it."""
+    """Check, back up, restore and move a library, with the closed cases, sequences, poses and journals in it."""
 
 
 @app.command()
@@ -51,6 +51,18 @@ def restore(
     give(lambda: _restore(file, store, replace), format)
 
 
+@app.command()
+def migrate(
+    source: Annotated[
+        str, typer.Argument(metavar="SOURCE", help="the library to copy: a file, or a URL as for --store")
+    ],
+    store: Library,
+    format: Format = Form.TEXT,
+) -> None:
+    """Copy the library SOURCE into an empty one: from SQLite to PostgreSQL, or back. SOURCE stays as it is."""
+    give(lambda: _migrate(source, store), format)
+
+
 def _check(store: str) -> Answer:
     from kb.store.checking import checked
 
@@ -74,6 +86,13 @@ def _restore(file: Path, store: str, replaces: bool) -> Answer:
 
     rows = restored(file, store, replaces)
     return Answer("ok", {"rows": rows}, lambda: _table(rows, "restored"))
+
+
+def _migrate(source: str, store: str) -> Answer:
+    from kb.store.copying import migrate as copied
+
+    rows = copied(source, store)
+    return Answer("ok", {"rows": rows}, lambda: _table(rows, "copied, and checked"))
 
 
 def _table(rows: "Mapping[str, int]", said: str) -> "RenderableType":

@@ -13,11 +13,12 @@ import numpy as np
 
 from engine.faces.monitor.solids import Solids, solids_of
 from engine.formats.interop.inspections import import_file, rewrite
-from engine.formats.interop.measurements import atoms, points
+from engine.formats.interop.measurements import atoms
 from engine.kernels.linear import matmul
 from engine.model.measurement import MeasurementPoint
 from engine.model.measurements import measurements_of
 from engine.pipelines.inspection import partition
+from engine.pipelines.points import points
 from engine.pipelines.poses import known_poses
 from engine.plugins import geometry_backend
 from engine.stages.geometry import transforms

@@ -1,6 +1,8 @@
 """Parts aligned by what was measured on them: datums from a problem and the results of a run, and the problem moved accordingly."""
 
-import shutil
+import json
+import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,21 +10,22 @@ import numpy as np
 
 from engine.formats.interop.depth_files import FARTHEST_M
 from engine.formats.interop.inspections import rewrite
-from engine.formats.interop.measurements import points
-from engine.formats.interop.qif.writing import METRES
 from engine.formats.interop.results import ResultForm, read
 from engine.kernels.rigid import apply
 from engine.model.fits import Datums
 from engine.model.geometry import Floats
 from engine.model.measurement import MeasurementPoint, Triple
-from engine.pipelines.inspection.places import with_places
+from engine.pipelines.points import METRES, points
+from engine.pipelines.verdicts.lying import datum_points, datums, deviation_m
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
+from kb.loader import domain_of
 from kb.model.problem import Problem
 from kb.model.results import Measured, Results
+from kb.targets import DOMAIN_FILE
 
 HINT = "name the problem that was run, and results that `cellwright results -o` has written"
-PROFILE = "profile"  # the kind of measurement that tells how far a surface is from where it should be
+DOMAIN = re.compile(r"""^(domain:[ \t]*)("[^"\n]*"|'[^'\n]*'|[^#\n]*?)([ \t]*(?:#.*)?)$""", re.MULTILINE)
 
 
 def read_results(path: Path) -> Results:
@@ -45,25 +48,19 @@ def datums_of(problem: Problem, results: Results, sigma_m: float) -> Datums:
 
     A value beyond its nominal value lies that far along the normal. The last value of a point counts. Raises `InvalidInput`.
     """
-    known = {point.name: point for point in points(with_places(problem)) if point.kind == PROFILE}
-    if any(point.step for point in known.values()):
-        known = {name: point for name, point in known.items() if point.step}
+    known = datum_points(problem)
     last = {each.of: each for each in results.measured if each.of in known}
     if not last:
         raise _refused(Path(problem.path), "the results have no profile of a point of this problem", HINT)
     found = [(known[name], _deviation_m(each, problem)) for name, each in sorted(last.items())]
-    nominal, normals = (np.array([getattr(p, what) for p, _ in found]) for what in ("position", "normal"))
-    measured = nominal + normals * np.array([off for _, off in found])[:, None]
-    count = len(found)
-    names = tuple(point.name for point, _ in found)
-    return Datums(names, nominal, normals, measured, np.full(count, sigma_m), np.zeros(count, bool))
+    return datums(found, [sigma_m] * len(found))
 
 
 def _deviation_m(measured: Measured, problem: Problem) -> float:
     if measured.unit not in METRES:
         message = f"'{measured.unit}', the unit of {measured.of}, is no length"
         raise _refused(Path(problem.path), message, f"one of {', '.join(METRES)}")
-    off_m = (measured.value - (measured.nominal or 0.0)) * float(METRES[measured.unit])
+    off_m = deviation_m(measured)
     if abs(off_m) > FARTHEST_M:
         message = f"the value of {measured.of} is farther than {FARTHEST_M:.0f} m from its nominal value"
         raise _refused(Path(problem.path), message, "leave it out of the results")
@@ -83,12 +80,30 @@ def write_moved(problem: Problem, T: Floats, target: Path) -> int:
         )
     copy = target.with_name(f".{target.stem}.moved{target.suffix}")
     try:
-        shutil.copyfile(problem.path, copy)
+        copy.write_text(_settled(problem, copy), "utf-8")
         rewrite(copy, "replaced", moved)
         copy.replace(target)
     finally:
         copy.unlink(missing_ok=True)
     return len(found)
+
+
+def _settled(problem: Problem, copy: Path) -> str:
+    """The text of a problem file for another place; its domain is named so that it is found from there.
+
+    Raises `InvalidInput`.
+    """
+    source, text = Path(problem.path), read_file(Path(problem.path)).text
+    domain = domain_of(str(source)).resolve()
+    copy.write_text(text, "utf-8")
+    try:
+        if domain_of(str(copy)).resolve() == domain:
+            return text
+    except InvalidInput:
+        pass
+    near = Path(os.path.relpath(domain.parent, copy.parent.resolve())).as_posix()
+    named = near if domain.name == DOMAIN_FILE else f"{near}/{domain.name}"
+    return DOMAIN.sub(lambda found: f"{found[1]}{json.dumps(named)}{found[3]}", text, count=1)
 
 
 def _moved(point: MeasurementPoint, T: Floats) -> MeasurementPoint:

@@ -5,12 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from engine.formats.interop import editing
-from engine.formats.interop.measurements import all_facts, names, points, problem_text
+from engine.formats.interop.measurements import all_facts, names, problem_text
 from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.model.measurements import measurements_of
 from engine.pipelines.inspection import Partition, partition, require_choice
-from engine.pipelines.inspection.places import with_places
+from engine.pipelines.points import points, with_places
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load

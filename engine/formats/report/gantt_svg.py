@@ -1,6 +1,10 @@
-"""A schedule as SVG: the Gantt chart of `engine.formats.report.gantt` with colours by job and a tooltip for each bar."""
+"""A schedule as SVG: the Gantt chart of `engine.formats.report.gantt`, with a tooltip for each bar.
 
-from collections.abc import Iterator, Sequence
+Colours are those of the jobs. Steps that are jobs of their own have the colour of their operator, with a legend.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from xml.sax.saxutils import escape
 
 from engine.formats.report.gantt import SHOP, Bar, BarKind, Row, joined, rows, summary
@@ -9,6 +13,7 @@ from engine.formats.report.svg import INK, MONOSPACED, PAPER
 from engine.model.schedule import Schedule
 from engine.model.shop import Shop
 
+STEP = re.compile(r"\d+ (\w+)")  # the name of a job that is one step of a plan
 HEIGHT, GAP, MARGIN, WIDTH, CHARACTER, LINE = 22, 6, 16, 1000, 7.3, 16
 STYLE = """
   .bar:hover { stroke-width: 2; }
@@ -23,13 +28,19 @@ def chart(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP, not
     height = 2 * MARGIN + (len(lines) + 2) * (HEIGHT + GAP)
     scale = WIDTH / max(1, schedule.makespan)
     body = [*_grid(schedule, left, scale, len(lines), unit)]
-    fills = list(colours(job.name for job in shop.jobs).values())
+    kinds = [step[1] if (step := STEP.match(job.name)) else job.name for job in shop.jobs]
+    known = colours(kinds)
+    fills = [known[kind] for kind in kinds]
+    named = {job.name for job in shop.jobs}
+    legend = list(_legend({kind: fill for kind, fill in known.items() if kind not in named}))
+    below = MARGIN + len(lines) * (HEIGHT + GAP) + 3 * LINE
+    body += [each for number, line in enumerate(legend) for each in _entries(line, below + number * LINE)]
     for number, row in enumerate(lines):
         crowded = len(row.bars) > 2 * WIDTH  # more bars than can be seen
         shown = Row(row.name, tuple(joined(row.bars, 1 / scale))) if crowded else row
         body += _row(shown, MARGIN + number * (HEIGHT + GAP), left, scale, fills)
     said = [summary(schedule, unit, scope), *([note] if note else [])]
-    height += (len(said) - 1) * LINE
+    height += (len(said) - 1 + len(legend)) * LINE
     return "\n".join([*_opening(left + WIDTH + 2 * MARGIN, height, said), *body, "</svg>"]) + "\n"
 
 
@@ -44,6 +55,27 @@ def _opening(width: float, height: float, said: Sequence[str]) -> Iterator[str]:
     for below, line in enumerate(reversed(said)):
         y = height - MARGIN - below * LINE
         yield f'<text class="text" x="{MARGIN}" y="{y:.0f}" fill="{INK}">{escape(line)}</text>'
+
+
+def _legend(fills: Mapping[str, str]) -> Iterator[list[tuple[float, str, str]]]:
+    """Lines of entries that fit side by side: where each begins, its name and its colour."""
+    line: list[tuple[float, str, str]] = []
+    x = float(MARGIN)
+    for name, fill in fills.items():
+        wide = (len(name) + 4) * CHARACTER
+        if line and x + wide > WIDTH:
+            yield line
+            line, x = [], float(MARGIN)
+        line.append((x, name, fill))
+        x += wide
+    if line:
+        yield line
+
+
+def _entries(line: Sequence[tuple[float, str, str]], y: float) -> Iterator[str]:
+    for x, name, fill in line:
+        yield f'<rect x="{x:.1f}" y="{y - 9:.0f}" width="10" height="10" fill="{fill}"/>'
+        yield f'<text class="text" x="{x + 14:.1f}" y="{y:.0f}" fill="{INK}">{escape(name)}</text>'
 
 
 def _grid(schedule: Schedule, left: float, scale: float, lines: int, unit: str) -> Iterator[str]:

@@ -134,6 +134,7 @@ def command_entry(command: Command) -> dict[str, Any]:
         "asks": command.asks,
         "looks": list(command.looks),
         "watches": list(command.watches),
+        "part": list(command.part),
     }
     return {key: value for key, value in found.items() if value not in (None, "", [], False)}
 
@@ -155,6 +156,7 @@ def read_command(found: Mapping[str, Any]) -> Command:
             bool(found.get("asks", False)),
             tuple(map(str, found.get("looks", ()))),
             tuple(map(str, found.get("watches", ()))),
+            tuple(map(float, found.get("part", ()))),
         )
     except (KeyError, ValueError, TypeError) as error:
         raise Garbage(f"no command: {error}") from error

@@ -14,6 +14,7 @@ from engine.model.schedule import Timetable
 from engine.pipelines.execution.checkpoints import past_of
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.faults import settled
+from engine.pipelines.execution.inspector import datums_first, measured_in
 from engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
 from engine.pipelines.execution.orders import Orders
 from engine.pipelines.execution.planned import Ready, first, ready
@@ -96,6 +97,7 @@ def begin(
             more = added_knowledge(_problem(wanted.target, wanted.goals, wanted.command), problem)
             recorder.note(RecordKind.RUN, **document(wanted, problem), **more)
             execution = Execution(run, problem, made, recorder, orders, base, limits)
+            found, scope = datums_first(found, scope)
             world = SymbolicWorld.of(scope.problem, situation_of(problem).state)
             return _cleared(wanted, execution.start(found, world, wanted.approve, scope))
         finally:
@@ -116,6 +118,7 @@ def resume(
         start = SymbolicWorld.of(problem, situation_of(problem).state)
         with reading_past(store, run):
             past = past_of(journal, run, Past(start, Scope(problem), Memory.of(base)))
+            past.measured = measured_in(journal.lines(run, kinds=(RecordKind.RESULT.value,)))
         if past.plan is None or past.ended in OVER:
             said = f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
             raise InvalidInput([Diagnostic(Source(run), "K421", said, "begin another run")])

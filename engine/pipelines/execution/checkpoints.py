@@ -95,6 +95,8 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
     state = line.content["state"]
     for each in state["additions"]:
         past.extend(each)
+    if "lying" in state:
+        past.lies(state["lying"])
     held = _line(journal, run, state["plan"])
     content = held.content["rest"] if held.kind == RecordKind.CHECKPOINT.value else held.content
     past.follow(content, held.number)

@@ -1,7 +1,7 @@
 """How far a run is, and what its steps do to that: commands are posted, the world model follows, everything is noted."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -20,8 +20,10 @@ from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
 from engine.stages.execution.outlook import Accuracy
 from engine.stages.macros.lifted.world import StepChange
+from kb.model.results import Measured
 from kb.terms import Atom
 
+PLACED = (CommandKind.STEP, CommandKind.TEST, CommandKind.REPAIR)  # commands that may move along the part
 EVERY = 5_000  # records from one checkpoint to the next
 NOTICED_MS = (
     30_000  # by which a step may end later or sooner than forecast before the plan is looked at again
@@ -35,7 +37,9 @@ LONG = (
     "full",
     "ahead",
 )  # what of a plan's record grows with the plan, or is true only once
-VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
+VERDICT = (
+    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk", "passed", "tool",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +104,8 @@ class Progress:
     history: list[Achievement] = field(default_factory=list)
     memory: Memory = field(default_factory=Memory)
     measuring: Measuring | None = None
+    values: list[Measured] = field(default_factory=list)  # all that were measured in the run
+    part: tuple[float, ...] = ()  # where the part lies, if it was found out
     done: set[int] = field(default_factory=set)
     written: Written = field(default_factory=Written)
     outbox: list[Command] = field(default_factory=list)
@@ -153,6 +159,7 @@ class Progress:
 
     def post(self, command: Command, step: int | None = None) -> None:
         """Note a command, to be sent once the note is on the disk."""
+        command = replace(command, part=self.part) if self.part and command.kind in PLACED else command
         record = self.recorder.note(
             RecordKind.COMMAND,
             command=command.number,
@@ -223,6 +230,8 @@ class Progress:
         found = self.measuring.heard(step, reply.text, reply.at_ms) if self.measuring is not None else None
         if said is None and found is None:
             return
+        if found is not None:
+            self.values.append(found)
         verdict = {} if found is None else {name: getattr(found, name) for name in VERDICT}
         action = self.compiled.program.activities[activity].action
         fact = "" if said is None else str(said)
@@ -253,7 +262,11 @@ def _changes(change: StepChange) -> Mapping[str, list[str]]:
     }
 
 
-def looked_at(command: Command) -> dict[str, list[str]]:
-    """What a command's device looks at, as a record has it; nothing where it looks at nothing."""
-    found = {"looks": list(command.looks), "watches": list(command.watches)}
+def looked_at(command: Command) -> dict[str, list[Any]]:
+    """What a command's device looks at, and where the part lies, as a record has it; nothing where nothing is said."""
+    found: dict[str, list[Any]] = {
+        "looks": list(command.looks),
+        "watches": list(command.watches),
+        "part": list(command.part),
+    }
     return {key: value for key, value in found.items() if value}

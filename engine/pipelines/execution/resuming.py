@@ -11,6 +11,7 @@ from typing import Any
 from engine.model.execution import Order, Phase, Record, RecordKind
 from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.inspector import ALIGNED, there
 from engine.pipelines.execution.progress import Written, head_of
 from engine.pipelines.execution.records import activity_of, read_atom, scope_of
 from engine.pipelines.execution.scope import Scope
@@ -18,6 +19,7 @@ from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
 from engine.pipelines.simulation.world import achievement
 from engine.stages.execution import unrested_after
 from engine.stages.execution.outlook import Accuracy
+from kb.model.results import Measured
 from kb.terms import Atom
 
 Content = Mapping[str, Any]
@@ -71,6 +73,8 @@ class Past:
         default_factory=list
     )  # further commands, as a checkpoint has them
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
+    lying: Content = field(default_factory=dict)  # the record that says where the part lies
+    measured: list[Measured] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.whole = self.scope.problem  # with what was added
@@ -98,7 +102,8 @@ class Past:
         if content["why"] == Order.ADD.value:
             behind = {} if self.plan is None else head_of(self.plan)
             self.extend({"given": self.added, "wishes": content.get("wishes", []), "behind": behind})
-        self.forecast_ms = self.forecast_ms or content["forecast_ms"]
+        first = not self.forecast_ms or content["why"] == ALIGNED
+        self.forecast_ms = content["forecast_ms"] if first else self.forecast_ms
         self.steps += len(self.done)
         self.entire = None
         self._closed()
@@ -110,6 +115,16 @@ class Past:
         self.paused = self.replans = False
         self.unrested = frozenset(content.get("full", ()))
         self.follow(content, record.number)
+
+    def aligned(self, record: Record) -> None:
+        """It was found out where the part lies: what is pursued from then on is about the part there."""
+        if record.content["part"]:
+            self.lies({**record.content, "at_ms": record.at_ms})
+
+    def lies(self, content: Content) -> None:
+        """The part lies where a record says, which has `at_ms` as well."""
+        self.lying = content
+        self.scope = there(self.whole, self.scope, content)
 
     def _closed(self) -> None:
         """The case is over, with a way on: its exceptions count if they come again."""
@@ -238,6 +253,7 @@ MOVES = {
     RecordKind.COMMAND: Past.command,
     RecordKind.REPLY: Past.reply,
     RecordKind.DONE: Past.did,
+    RecordKind.ALIGNMENT: Past.aligned,
     RecordKind.WORLD: Past.corrected,
     RecordKind.EXCEPTION: Past.failed,
     RecordKind.PHASE: Past.phase,

@@ -5,11 +5,13 @@ from typing import Any
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
 from engine.pipelines.execution.adding import addition, extended, wished
+from engine.pipelines.execution.approval import approved
 from engine.pipelines.execution.checkpoints import rest_of, state_of
 from engine.pipelines.execution.compiling import Compiled, full_hands, queued
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
+from engine.pipelines.execution.inspector import ALIGNED, Inspector
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
@@ -52,6 +54,7 @@ class Execution:
     additions: list[dict[str, Any]] = field(
         default_factory=list
     )  # further commands, as a checkpoint has them
+    inspector: Inspector = field(default_factory=Inspector)
 
     def start(
         self, ready: Ready, world: SymbolicWorld, approve: bool = False, scope: Scope | None = None
@@ -81,6 +84,8 @@ class Execution:
         compiled = queued(compiled_of(past.plan), self.driver.lookahead)
         course = self._course(compiled, standing_again(compiled, past, self.driver.now_ms()), past.world)
         restore(course, past)
+        course.values = list(past.measured)
+        self.inspector.taken_up(past.lying, course)
         handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
         return self.guarded(course, past.scope, handler=handler, past=past)
 
@@ -112,7 +117,7 @@ class Execution:
         handler.story = self.story
         course.checkpoint = Checkpoint(lambda: self._state(course, handler), lambda: rest_of(course))
         try:
-            if approve and not self._approved(course):
+            if approve and not approved(course):
                 return self._end(course, handler.scope, ABORTED, "the plan was not approved")
             if past is not None and (over := self._taken_up(course, handler, past)) is not None:
                 return over
@@ -133,18 +138,8 @@ class Execution:
             "exceptions": self.exceptions,
             "steps": self.steps + len(course.done) - len(course.written.done),
             "additions": self.additions,
+            **({"lying": self.inspector.entry} if self.inspector.entry else {}),
         }
-
-    def _approved(self, course: Course) -> bool:
-        self.recorder.note(RecordKind.PHASE, phase=Phase.READY.value, why="waits for approval")
-        course.flush()
-        while True:
-            for given in self.orders.due(self.driver.now_ms()):
-                course.order(given)
-                if given.order in (Order.APPROVE, Order.STOP, Order.ABORT):
-                    return given.order is Order.APPROVE
-            if not self.orders.wait():
-                return False
 
     def _run(self, course: Course, handler: ExceptionHandler) -> Finish:
         while True:
@@ -160,7 +155,7 @@ class Execution:
             elif turn.phase is Phase.HANDLING:
                 ended = self._handled(course, handler, turn)
             elif turn.phase is Phase.FINISHED:
-                return self._finished(course, handler)
+                ended = self._finished(course, handler)
             else:
                 outcome = PAUSED if turn.phase is Phase.PAUSED else STOPPED
                 return self._end(course, handler.scope, outcome, turn.why)
@@ -264,8 +259,16 @@ class Execution:
             self.follow(course, handler.scope, found.joined.ready, "choice", found.joined.standing)
             course.waited = waited
 
-    def _finished(self, course: Course, handler: ExceptionHandler) -> Finish:
-        """The end of the last plan: whether all original goals hold is looked up in the world, not taken from the plan."""
+    def _finished(self, course: Course, handler: ExceptionHandler) -> Finish | None:
+        """The end of the last plan: whether all original goals hold is looked up in the world, not taken from the plan. An inspection may go on."""
+        further = self.inspector.onward(self.problem, course, handler, self.limits)
+        if isinstance(further, GivesUp):
+            return self._gives_up(course, handler, further)
+        if further is not None:
+            self.follow(course, handler.scope, further.ready, further.why)
+            if further.why == ALIGNED:
+                self.forecast_ms = further.ready.compiled.program.forecast_ms
+            return None
         _, open_ = handler.scope.reached(self.problem, course.world.state)
         outcome = REACHED if not open_ else PARTLY
         why = "" if not open_ else f"{len(open_)} of the goals could not be reached"

@@ -13,6 +13,7 @@ from engine.model.tour import TourProblem, Visit
 from engine.pipelines.inspection.demands import Demands, of_facts, with_demands
 from engine.pipelines.inspection.stations import stations_of
 from engine.pipelines.inspection.ways import has_table, ordered
+from engine.pipelines.points import positions_in
 from kb.asp import Grounder
 from kb.asp.statics import evaluated
 from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -98,7 +99,7 @@ def tour_problem(
     `InvalidInput`.
     """
     words, grounder = problem.domain.conventions, _grounded(problem)
-    where = _positions(grounder, words)
+    where = positions_in(grounder, words)
     changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms(words.change, 3)}
     phases = _phases(grounder, words)
     stations, shifts = stations_of(grounder.atoms, words)
@@ -120,16 +121,6 @@ def _phases(grounder: Grounder, words: Conventions) -> dict[str, int]:
     steps = {str(name): int(_number(step)) for name, step in grounder.atoms(words.alignment, 2)}
     last = max(steps.values(), default=0)
     return {name: step - last - 1 for name, step in steps.items()}
-
-
-def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
-    """The given positions of measurements, in metres, by name. Measurements without a position are left out."""
-    return _positions(_grounded(problem), problem.domain.conventions)
-
-
-def _positions(grounder: Grounder, words: Conventions) -> dict[str, tuple[float, ...]]:
-    given = grounder.atoms(words.position, 4)
-    return {str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in given}
 
 
 def _number(term: Term) -> float:

@@ -2,8 +2,8 @@
 
 from collections.abc import Collection
 
-from engine.pipelines.inspection.places import with_places
 from engine.pipelines.inspection.progress import News, Progress, carried_on, resources
+from engine.pipelines.points import with_places
 from engine.stages.sequencing import Limits
 from kb.model.problem import Problem
 from kb.store.sequences import SequencePlan, Sequences

@@ -11,10 +11,11 @@ from itertools import pairwise
 
 from engine.model.measurements import measurements_of
 from engine.model.tour import Longs, Tour, TourProblem, cost_of, violations
-from engine.pipelines.inspection import Partition, positions, tour_problem
+from engine.pipelines.inspection import Partition, tour_problem
 from engine.pipelines.inspection.demands import without_windows
 from engine.pipelines.inspection.losses import parted
 from engine.pipelines.inspection.rest import tour_of_rest
+from engine.pipelines.points import positions
 from engine.stages.sequencing import Limits, sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.model.problem import Problem

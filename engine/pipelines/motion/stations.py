@@ -14,7 +14,7 @@ from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability, Unreached
 from engine.stages.geometry.reach.straight import Broken, straight
 from engine.stages.geometry.world.model import World
-from engine.stages.motion.roadmap import Travels, mapped, travels
+from engine.stages.motion.roadmap import Roadmap, Travels, mapped, travels
 from engine.stages.motion.smoothing import smoothed
 from engine.stages.motion.trajectory import Limits, least_times
 from kb.model.cell import Place
@@ -118,9 +118,17 @@ def near_one_another(
     }, unreached
 
 
-def all_travels(found: Stations) -> Travels:
-    """The times of the free ways between all pairs of stations, the lesser number first."""
-    count = len(found.nodes)
-    pairs: Longs = np.stack(np.triu_indices(count, 1), axis=1).astype(np.int64)
-    roadmap = mapped(found.ground, found.nodes, pairs)
-    return travels(found.ground, roadmap, pairs, found.limits, found.hand.own)[0]
+def all_pairs(found: Stations) -> Longs:
+    """All pairs (p, 2) of stations, the lesser number first."""
+    pairs: Longs = np.stack(np.triu_indices(len(found.nodes), 1), axis=1).astype(np.int64)
+    return pairs
+
+
+def lines_of(found: Stations, pairs: Longs) -> Roadmap:
+    """The roadmap of straight lines between pairs (p, 2) of stations."""
+    return mapped(found.ground, found.nodes, pairs)
+
+
+def all_travels(found: Stations, roadmap: Roadmap) -> Travels:
+    """The times of the free ways between all pairs of stations that the roadmap joins."""
+    return travels(found.ground, roadmap, roadmap.edges, found.limits, found.hand.own)[0]

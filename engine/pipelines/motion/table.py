@@ -1,15 +1,23 @@
 """A table of travel times between the places of a cell, as facts that a domain's `travel` takes."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats
+from engine.model.geometry import Floats, Longs
 from engine.pipelines.motion.ends import arm_named, tool_of
 from engine.pipelines.motion.moving import Site
-from engine.pipelines.motion.stations import all_travels, near_one_another, stations
+from engine.pipelines.motion.stations import (
+    Stations,
+    all_pairs,
+    all_travels,
+    lines_of,
+    near_one_another,
+    stations,
+)
+from engine.stages.motion.roadmap import Roadmap
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 
 
@@ -37,8 +45,10 @@ class Table:
         ]
 
 
-def table(site: Site, tool: str, wanted: Collection[str] = ()) -> Table:
-    """The travel times between places for one tool, out of a place, on a free path, and into the next. Raises `InvalidInput`."""
+def sought(
+    site: Site, tool: str, wanted: Collection[str] = ()
+) -> tuple[Stations, Longs, str, dict[str, str]]:
+    """The stations of a table, all pairs of them, the tool, and the places out of reach. Raises `InvalidInput`."""
     cell = site.world.cell
     tool, arm = tool_of(tool, cell), arm_named("", cell, "TARGET")
     for name in wanted:
@@ -55,11 +65,23 @@ def table(site: Site, tool: str, wanted: Collection[str] = ()) -> Table:
         raise InvalidInput([Diagnostic(Source("--tool"), "K705", said, "name the tool of more places")])
     own = {name: places[name] for name in reached}
     found = stations(site.world, site.reach, arm, own, list(reached.values()))
-    ways, least = all_travels(found), found.least()
+    return found, all_pairs(found), tool, {**unreached, **found.unreached}
+
+
+def table(
+    site: Site,
+    tool: str,
+    wanted: Collection[str] = (),
+    proved: Callable[[Stations, Longs], Roadmap] = lines_of,
+) -> Table:
+    """The travel times between places for one tool, out of a place, on a free path, and into the next.
+
+    `proved` makes the roadmap of all pairs (p, 2) of stations. Raises `InvalidInput`.
+    """
+    found, pairs, tool, unreached = sought(site, tool, wanted)
+    ways, least = all_travels(found, proved(found, pairs)), found.least()
     times = np.zeros_like(least)
     a, b = ways.pairs[:, 0], ways.pairs[:, 1]
     times[a, b] = times[b, a] = ways.time_s
     ends = found.outs_s[:, None] + found.outs_s[None]
-    return Table(
-        tool, found.names, times + ends, least + ends, ways.planned, {**unreached, **found.unreached}
-    )
+    return Table(tool, found.names, times + ends, least + ends, ways.planned, unreached)

@@ -141,7 +141,8 @@ def found(moments: Sequence[Moment], before: frozenset[Pair], encounters: Encoun
         }
         looked += len(alone[first]) * len(alone[second])
         for arm, rival in ((first, second), (second, first)):
-            rests |= set(_rests(encounters, arm, own[arm], alone[rival], moments[0], steps))
+            joint = {each.step for each in own[arm] if rival in arms[each.step]}
+            rests |= set(_rests(encounters, arm, own[arm], alone[rival], moments[0], steps, joint))
     orders = frozenset(_cleared(moments, own, before, encounters))
     meetings = Meetings(
         {arm: tuple(each.step for each in track) for arm, track in own.items()},
@@ -174,13 +175,18 @@ def _rests(
     rivals: Sequence[Occupied],
     start: Moment,
     steps: set[Pair],
+    joint: set[StepId],
 ) -> Iterator[tuple[str, StepId | None, StepId]]:
-    """Where an arm rests in the way of another one's steps. Where it rests after a step it was in the step, too."""
+    """Where an arm rests in the way of another one's steps.
+
+    Where it rests after a step it was in the step, too; what that meets is known of the `steps`, but not of those of both arms (`joint`).
+    """
     home = Passage(Rider(start.before, arm), start.before.configurations[arm][None])
     rests = [(None, home), *((each.step, each.rest) for each in track)]
     for after, rest in rests:
         for other in rivals:
-            near = after is None or (after, other.step) in steps or (other.step, after) in steps
+            open_ = after is None or after in joint
+            near = open_ or (after, other.step) in steps or (other.step, after) in steps
             if near and _meets(encounters, [rest], other.passages, other.rides):
                 yield arm, after, other.step
 

@@ -9,7 +9,7 @@ from engine.model.measurements import wanted as wanted_of
 from engine.model.tour import Tour, TourProblem, cost_of
 from engine.pipelines.inspection import Partition, partition, tour_problem
 from engine.pipelines.inspection.demands import Demands, without_windows
-from engine.pipelines.inspection.places import with_places
+from engine.pipelines.points import with_places
 from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.sequencing import Limits, sequence
 from kb.model.conditions import Condition, Literal, goal_parts

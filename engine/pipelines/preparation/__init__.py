@@ -1,7 +1,7 @@
-"""Work through a set of problems offline, in parallel processes, so that a store holds the answers in advance.
+"""Work through a set of problems offline, in parallel processes or by a cluster, so that a store holds the answers in advance.
 
 Every problem is planned, and MACROPs are learned from the plans. If the domain chooses tools for measurements, their
-sequence is kept, too.
+sequence is kept, too. A preparation that was cut off goes on where it was: a ledger in the store has what is finished.
 """
 
 import contextlib
@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from engine.pipelines.planning import loaded
-from engine.pipelines.preparation.pool import carried_out
-from engine.pipelines.preparation.problem import interrupted_before
+from engine.pipelines.preparation import notes
+from engine.pipelines.preparation.problem import lost, work
 from engine.pipelines.preparation.results import (
     KeptPoses,
     KeptSequence,
@@ -18,9 +18,13 @@ from engine.pipelines.preparation.results import (
     PreparationJob,
     Prepared,
 )
+from engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, silent
+from engine.pipelines.units.content import content, everywhere
+from engine.pipelines.units.course import INTERRUPTED
 from engine.stages.macros.lifted.digests import Digests
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
+from kb.loader.references import domain_of
 from kb.model.domain import Domain
 from kb.stopping import Stopped
 from kb.store import Library
@@ -28,33 +32,39 @@ from kb.store import Library
 __all__ = ["KeptPoses", "KeptSequence", "Preparation", "Prepared", "prepare", "silent"]
 
 
-def silent(_done: int, _of: int) -> None:
-    """Show no progress."""
-
-
 def prepare(
     paths: Sequence[Path],
     store: str,
     limits: Limits,
-    processes: int,
+    crew: Crew,
     progress: Callable[[int, int], None] = silent,
 ) -> Preparation:
     """Plan every problem file, and keep what was learned. Stale MACROPs of the domains are removed first.
 
     When `limits.interrupted` holds, running searches end and the remaining problems are not planned. Raises `InvalidInput`
-    if the library cannot be used.
+    if the library or the crew cannot be used.
     """
+    jobs = [
+        PreparationJob(path.absolute(), everywhere(store), limits.expansions, limits.seed, content(path))
+        for path in paths
+    ]
     try:
         stale = _without_stale(paths, store)
     except Stopped:
-        return Preparation(tuple(interrupted_before(path) for path in paths))
-    jobs = [PreparationJob(path, store, limits.expansions, limits.seed) for path in paths]
+        return Preparation(tuple(lost(job, INTERRUPTED) for job in jobs))
+    units = [Unit(str(job.path), job.content, job) for job in jobs]
+    kind = Kind(
+        f"prepare {limits.expansions} {limits.seed}",
+        work,
+        lost,
+        Ledger(everywhere(store), notes.finished, notes.written, notes.read),
+    )
     found: dict[Path, Prepared] = {}
-    with contextlib.closing(carried_out(jobs, processes, limits.interrupted)) as answers:
-        for job, prepared in answers:
-            found[job.path] = prepared
+    with contextlib.closing(carried_out(kind, units, crew, limits.interrupted)) as answers:
+        for unit, prepared in answers:
+            found[unit.job.path] = prepared
             progress(len(found), len(jobs))
-    return Preparation(tuple(found[path] for path in paths if path in found), stale)
+    return Preparation(tuple(found[job.path] for job in jobs if job.path in found), stale)
 
 
 def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ...]]:
@@ -69,9 +79,10 @@ def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ..
 
 def _domains(paths: Sequence[Path]) -> list[Domain]:
     """The domains of all problems that can be read, each once. Errors in the other files are reported later."""
-    found: dict[str, Domain] = {}
+    found: dict[Path, Domain] = {}
     for path in paths:
         with contextlib.suppress(InvalidInput):
-            domain = loaded(path).domain
-            found.setdefault(domain.path or domain.name, domain)
+            own = domain_of(str(path))
+            if own not in found:
+                found[own] = loaded(own).domain
     return list(found.values())

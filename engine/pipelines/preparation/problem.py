@@ -9,6 +9,8 @@ from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.planning import loaded
 from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
 from engine.pipelines.reuse.practice import Practice
+from engine.pipelines.units.content import require_same
+from engine.pipelines.units.course import INTERRUPTED
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
@@ -16,12 +18,15 @@ from kb.stopping import Stopped
 from kb.store import Library
 from kb.targets import CELL_FILE
 
+UNUSABLE = "K416"  # of a library: another time it may be there
+
 
 def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
     """Plan one problem with the library in the store, and bring its kept sequence up to date."""
     if interrupted():
-        return interrupted_before(job.path)
+        return lost(job, INTERRUPTED)
     try:
+        require_same(job.path, job.content)
         problem = loaded(job.path).problem
         if problem is None:
             return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
@@ -32,9 +37,10 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         with Library(job.store) as library, Practice(library, limits) as practice:
             answered = practice.plan(problem)
     except InvalidInput as error:
-        return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics))
+        finished = all(each.code != UNUSABLE for each in error.diagnostics)
+        return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics), finished=finished)
     except Stopped:
-        return interrupted_before(job.path)
+        return lost(job, INTERRUPTED)
     outcome = answered.outcome
     return Prepared(
         problem.name,
@@ -46,12 +52,13 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         sum(outcome.statistics.seconds.values()),
         sequence=kept,
         poses=poses,
+        finished=not interrupted(),
     )
 
 
-def interrupted_before(path: Path) -> Prepared:
-    """The result for a problem that was interrupted before it was planned."""
-    return Prepared(path.stem, "gave up", reason="interrupted")
+def lost(job: PreparationJob, why: str) -> Prepared:
+    """The result for a problem whose planning did not end."""
+    return Prepared(job.path.stem, "gave up", reason=why, finished=False)
 
 
 def _poses(store: str, problem: Problem) -> KeptPoses | None:

@@ -34,7 +34,7 @@ class KeptPoses:
 class Prepared:
     """The result for one problem. `status`: found, infeasible, gave up or bad input.
 
-    `origin`, `macrop`, `name` and `reason` are those of `Answered`.
+    `origin`, `macrop`, `name` and `reason` are those of `Answered`. What is not `finished` is done again by the next preparation.
     """
 
     problem: str
@@ -47,6 +47,7 @@ class Prepared:
     diagnostics: tuple[Diagnostic, ...] = ()
     sequence: KeptSequence | None = None
     poses: KeptPoses | None = None
+    finished: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +63,13 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class PreparationJob:
-    """What one process needs to plan a problem: the problem's file, the store, and the limits of the search."""
+    """What one process needs to plan a problem: the problem's file, the store, and the limits of the search.
+
+    `content` is a digest of the files.
+    """
 
     path: Path
     store: str
     expansions: int
     seed: int
+    content: str

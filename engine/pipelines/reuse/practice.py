@@ -152,10 +152,14 @@ class Practice:
         here = problem.replace(ordered(asked.facts))
         rival, planning = self._searched(here, asked.situation)
         better = found is not None and _pays(found.outcome, rival)
-        self.library.note_trial(problem.domain.name, kinds, better)
         if found is None or not better:
-            return self._learned(here, rival, planning, asked.situation)
-        return self._learned_whole(problem, asked, found, planning)
+            answer = self._learned(here, rival, planning, asked.situation)
+        else:
+            answer = self._learned_whole(problem, asked, found, planning)
+        self.library.note_trial(
+            problem.domain.name, kinds, better
+        )  # last: who is killed before counts it once
+        return answer
 
     def _learned_whole(self, problem: Problem, asked: Query, found: Answered, planning: float) -> Answered:
         """Keep the composed plan as a MACROP that contains others."""

@@ -1,7 +1,8 @@
 """The built-in driver `sim`: a cell on a virtual clock, in which an hour takes milliseconds, and faults happen as ordered."""
 
 from engine.pipelines.simulator.driver import Simulator, fault_base, number_of, settings_of, simulator
-from engine.pipelines.simulator.hidden import HiddenCell, Injection, possible
+from engine.pipelines.simulator.hidden import HiddenCell, possible
+from engine.pipelines.simulator.injections import Injection
 
 __all__ = [
     "HiddenCell",

@@ -11,9 +11,11 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
-from engine.pipelines.simulator.hidden import HiddenCell, Injection
+from engine.pipelines.simulator.hidden import HiddenCell
+from engine.pipelines.simulator.injections import Injection, injection
 from engine.pipelines.simulator.log import Log, Sent
 from engine.pipelines.simulator.physical import SimulatedCell
 from engine.ports import DriverSetup
@@ -21,7 +23,10 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.faults import load_faults
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem
-from kb.numbers import NumberError, decimal, is_count
+from kb.numbers import NumberError, decimal
+
+if TYPE_CHECKING:
+    from engine.pipelines.simulator.truth import Truth
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
 
@@ -184,7 +189,7 @@ class Simulator:
             return f"not({broken})"
         match command.kind:
             case CommandKind.STEP:
-                return self.cell.take(command.action, command.expects)
+                return self.cell.take(command.action, command.expects, command.part)
             case CommandKind.TEST | CommandKind.REPAIR:
                 return self.cell.answer(command.action)
             case _:
@@ -247,15 +252,25 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 
 def simulator(setup: DriverSetup) -> Simulator:
-    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log. Raises `InvalidInput`."""
+    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth. Raises `InvalidInput`."""
     settings = settings_of(setup)
     cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
+    cell.truth = truth_of(setup)
     return Simulator(cell, settings)
+
+
+def truth_of(setup: DriverSetup) -> "Truth | None":
+    """The hidden truth of the part that a file says; None without such a file. Raises `InvalidInput`."""
+    if "truth" not in setup.options:
+        return None
+    from engine.pipelines.simulator.truth import read_truth  # it needs numpy
+
+    return read_truth(setup.options["truth"], setup.problem, setup.seed)
 
 
 def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
     """How a simulated cell behaves. `more` are options that its driver has beside these. Raises `InvalidInput`."""
-    known = ("spread", "lookahead", "fault", "log", *more)
+    known = ("spread", "lookahead", "fault", "log", "truth", *more)
     if unknown := [name for name in setup.options if name not in known]:
         hint = f"one of: {', '.join(known)}"
         raise InvalidInput(
@@ -266,7 +281,7 @@ def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
         setup.factor,
         number_of(setup.options, "spread"),
         max(1, int(number_of(setup.options, "lookahead", 1))),
-        tuple(_injection(each.strip()) for each in setup.options.get("fault", "").split(";") if each.strip()),
+        tuple(injection(each.strip()) for each in setup.options.get("fault", "").split(";") if each.strip()),
         setup.options.get("log", ""),
     )
 
@@ -278,14 +293,3 @@ def number_of(options: Mapping[str, str], name: str, default: float = 0.0) -> fl
     except NumberError as error:
         said = f"'{options[name][:40]}' {error}"
         raise InvalidInput([Diagnostic(Source("--option"), "K107", said, f"write {name}=0.2")]) from None
-
-
-def _injection(text: str) -> Injection:
-    """An injection in the form STEP[#TIME]=CAUSE[@EXCEPTION]. Raises `InvalidInput`."""
-    step, _, rest = text.rpartition("=")
-    cause, _, exception = rest.partition("@")
-    action, _, which = step.partition("#")
-    if not action or not cause or (which and not is_count(which)):
-        hint = "write STEP=CAUSE: pick(probe_1, slot(drawer, 1))=not_gripped, or pick#2=arm_offset"
-        raise InvalidInput([Diagnostic(Source("--fault"), "K107", f"'{text}' is no fault", hint)])
-    return Injection(action.strip(), cause.strip(), int(which or 1), exception.strip())

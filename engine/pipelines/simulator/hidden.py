@@ -4,10 +4,12 @@ import random
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from engine.model.cases import Hypothesis
 from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, SymbolicWorld, WorldState
 from engine.pipelines.simulation.world import achievement
+from engine.pipelines.simulator.injections import Injection
 from engine.pipelines.simulator.physical import PhysicalBody, reading_by, told_by
 from engine.stages.diagnosis.knowledge import CURED
 from engine.stages.diagnosis.revision import binding_of
@@ -22,23 +24,12 @@ from kb.model.plan import Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Function, match
 
+if TYPE_CHECKING:
+    from engine.pipelines.simulator.truth import Truth
+
 SILENCE = "timeout"  # the reply of the fault base for a step that is never answered
 FAILED = "failed"
 VARIABLE = re.compile(r"\b(?:[A-Z]\w*|_)\b")
-
-
-@dataclass(frozen=True, slots=True)
-class Injection:
-    """A fault that appears when a step is carried out: which step, the how-manieth time, and its cause.
-
-    `action` is the step as an instance, or the name of its operator for any step of it. `exception` is how the step fails;
-    empty for the first one of the base that the cause can have there.
-    """
-
-    action: str
-    cause: str
-    time: int = 1
-    exception: str = ""
 
 
 @dataclass
@@ -66,6 +57,7 @@ class HiddenCell:
     times: dict[str, int] = field(default_factory=dict)
     helped: list[str] = field(default_factory=list)
     body: PhysicalBody | None = None
+    truth: "Truth | None" = None
     expected: WorldState | None = None  # after the last step that physics has made fail, had it worked
 
     def __post_init__(self) -> None:
@@ -79,8 +71,8 @@ class HiddenCell:
         self.world = SymbolicWorld(self.problem.chains, set(state.facts), dict(state.reached))
         self.situation = Situation.of(self.domain, state.facts)
 
-    def take(self, text: str, expects: str) -> str | None:
-        """Carry out a step: its reply; None if none ever comes."""
+    def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
+        """Carry out a step with the part believed to lie there: its reply; None if none ever comes."""
         step = _instance(text)
         for name in {str(step): None, step.name: None}:  # one name, if it has no arguments
             self.times[name] = self.times.get(name, 0) + 1
@@ -95,7 +87,7 @@ class HiddenCell:
                 return self._shown(step, self.body, before, after)
         if self._refused(step):
             return self._blind(step)
-        return self._sensed(step, expects) or self._reply(step, expects)
+        return self._sensed(step, expects) or self._reply(step, expects, part)
 
     def _sensed(self, step: Function, expects: str) -> str:
         """The reply to a step that reads a sensor of a physical cell; empty for another one."""
@@ -191,10 +183,12 @@ class HiddenCell:
         shown = None if self.model is None else next(_exceptions(self.model, step), None)
         return shown.reply if shown is not None else FAILED
 
-    def _reply(self, step: Function, expects: str) -> str:
-        """A normal reply; what is measured is a number near to zero, the same for the same step."""
+    def _reply(self, step: Function, expects: str, part: Sequence[float]) -> str:
+        """A normal reply; without a hidden truth, what is measured is a number near to zero, the same for the same step."""
         if expects == "done" or not expects:
             return "done"
+        if self.truth is not None and (shown := self.truth.value(step, part)) is not None:
+            return VARIABLE.sub(lambda _: shown, expects)
         chance = random.Random(f"{self.seed} {step} {self.times[str(step)]}")
         return VARIABLE.sub(lambda _: str(round(chance.gauss(0, 20))), expects)
 

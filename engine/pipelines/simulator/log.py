@@ -11,7 +11,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
 
 LARGEST = 2**30  # bytes of a log that is read again
-LOOKED = ("looks", "watches")
+LOOKED = ("looks", "watches", "part")
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,4 +129,5 @@ def _command(entry: dict[str, Any]) -> Command:
         about=entry["about"],
         looks=tuple(entry.get("looks", ())),
         watches=tuple(entry.get("watches", ())),
+        part=tuple(map(float, entry.get("part", ()))),
     )

@@ -38,8 +38,8 @@ class PhysicalBody(Protocol):
 class SimulatedCell(Protocol):
     """What the simulated driver drives: a cell that takes commands when they end, and says how they ended."""
 
-    def take(self, text: str, expects: str) -> str | None:
-        """Carry out a step: its reply; None if none ever comes."""
+    def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
+        """Carry out a step with the part believed to lie there: its reply; None if none ever comes."""
         ...
 
     def missing(self, looked_at: Sequence[str]) -> str:

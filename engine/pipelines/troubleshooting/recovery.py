@@ -7,14 +7,17 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from engine.model.cases import Prepared, Revision
-from engine.model.outcome import Outcome
+from engine.model.measurements import chooses_tools
+from engine.model.outcome import Found, Outcome
 from engine.pipelines.attainment import GivenUp
 from engine.pipelines.inspection.keeping import told_of_losses
 from engine.pipelines.inspection.progress import Progress
+from engine.pipelines.planning import LARGE
 from engine.pipelines.revision import Course, planned_anew, revise
 from engine.pipelines.revision.changes import Changes
 from engine.pipelines.revision.remaining import rest_of
 from engine.pipelines.simulation import Dynamics, WorldState
+from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
 from engine.stages.validation.changes import State
 from kb.model.plan import Plan, Step
@@ -76,6 +79,8 @@ def recover(
     changes = Changes(dynamics, change)
     now = ordered(changes.state() if believed is None else believed)
     here, obstacles = changes.planned_in(now), changes.obstacles(now)
+    if size(here) > LARGE and (ordered_plan := _in_order(here, limits)) is not None:
+        return Recovery(here, ordered_plan, "planned" if left is None else "replanned")
     if left is None or not executable:
         found = planned_anew(here, left, limits, obstacles)
         way = "planned" if left is None else found.way
@@ -87,6 +92,16 @@ def recover(
     return Recovery(
         found.problem, found.outcome, found.way, found.kept, found.dropped, found.added, found.given_up
     )
+
+
+def _in_order(here: Problem, limits: Limits) -> Outcome | None:
+    """A plan for an inspection that is too large to be grounded as a whole, in the order of its sequence; None if there is none so."""
+    if not chooses_tools(here.domain):
+        return None
+    from engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
+
+    made = by_sequence(here, limits)
+    return made.outcome if made is not None and isinstance(made.outcome, Found) else None
 
 
 def told(found: Recovery, problem: Problem, lost: Collection[str], store: str) -> Recovery:

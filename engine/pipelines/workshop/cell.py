@@ -52,7 +52,7 @@ class PlacingCell:
             self.known[key_of(move, spots, near)] = carries
             spots[move.part], near = move.end, carries[-1].legs[-1].path[-1]
 
-    def take(self, text: str, expects: str) -> str | None:
+    def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:  # noqa: ARG002 - it moves bodies, not parts
         """Carry out a step: its reply."""
         step = _instance(text)
         move = move_of(step)

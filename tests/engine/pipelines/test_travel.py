@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from engine.model.schedule import Timetable
 from engine.pipelines.inspection import partition, tour_problem
-from engine.pipelines.inspection.places import with_places
 from engine.pipelines.inspection.ways import time_between
+from engine.pipelines.points import with_places
 from engine.pipelines.timetable import keeping, timetable
 from engine.stages.grounding import ground
 from engine.stages.scheduling import check_schedule

@@ -19,7 +19,7 @@ from engine.model.tour import Tour, TourProblem, Visit, violations
 from engine.pipelines.inspection.demands import as_facts, of_options
 from engine.pipelines.objective import Order, Run, fastest, plan
 from engine.pipelines.plan_files import unmet
-from engine.pipelines.simulator.hidden import Injection
+from engine.pipelines.simulator.injections import Injection
 from engine.pipelines.timetable import timetable
 from engine.stages.planning import Limits
 from engine.stages.sequencing import sequence

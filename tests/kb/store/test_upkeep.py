@@ -11,7 +11,7 @@ from kb.diagnostics import InvalidInput
 from kb.store import Library, Record, Use
 from kb.store.cases import Cases, ClosedCase
 from kb.store.checking import checked
-from kb.store.copying import back_up, restore
+from kb.store.copying import back_up, migrate, restore
 from kb.store.engines import connected, transaction
 from kb.store.journal import Journal, Line, lines
 from kb.store.poses import PoseStore
@@ -73,6 +73,23 @@ def test_what_is_backed_up_is_restored_and_used_on(target: str, tmp_path: Path) 
     with Library(target) as library:
         assert library.add([Record(macrop("new"), "new/0")]) == [4]
     assert sorted(each.name for each in tmp_path.iterdir() if "part" in each.name) == []
+
+
+def test_a_library_moves_to_the_other_kind_of_database_and_stays_where_it_was(
+    target: str, tmp_path: Path
+) -> None:
+    first, back = str(tmp_path / "first.db"), str(tmp_path / "back.db")
+    fill(first)
+    rows = migrate(first, target)
+    assert (rows["macrops"], rows["journal"]) == (2, 2)
+    migrate(target, back)
+    assert content(first) == content(target) == content(back)
+    with Library(target) as library:
+        assert library.add([Record(macrop("new"), "new/0")]) == [4]
+    with pytest.raises(InvalidInput, match="not empty"):
+        migrate(first, target)
+    with pytest.raises(InvalidInput, match="shall be copied to"):
+        migrate(target, target)
 
 
 def test_a_backup_shows_one_moment_while_others_write(target: str, tmp_path: Path) -> None:

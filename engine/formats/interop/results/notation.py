@@ -9,11 +9,15 @@ from kb.model.results import Measured, Results, Treated
 from kb.numbers import is_number
 
 VERSION = 1
-KEYS = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool", "action", "at_ms")
+KEYS = (
+    "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk", "passed", "conformity", "tool",
+    "action", "at_ms",
+)  # fmt: skip
+FOLLOWS = ("passed", "conformity")
 
 
 def entry(results: Results) -> dict[str, Any]:
-    """The results as plain values. `passed` follows from the value and its limits."""
+    """The results as plain values. `passed` and `conformity` follow from the value, its limits and its uncertainty."""
     return {
         "version": VERSION,
         "run": results.run,
@@ -52,7 +56,7 @@ def read_json(text: str) -> Results:
 
 
 def _measured(entry: dict[str, Any]) -> Measured:
-    said = {key: value for key, value in entry.items() if key != "passed"}
+    said = {key: value for key, value in entry.items() if key not in FOLLOWS}
     for key, value in said.items():
         if not _fits(key, value):
             raise ValueError(f"`{key}` cannot be {str(value)[:40]}")
@@ -64,7 +68,7 @@ def _fits(key: str, value: object) -> bool:
     match key:
         case "value":
             return is_number(value, sys.float_info.max)
-        case "nominal" | "lower" | "upper":
+        case "nominal" | "lower" | "upper" | "uncertainty" | "risk":
             return value is None or is_number(value, sys.float_info.max)
         case "at_ms":
             return type(value) is int

@@ -20,9 +20,13 @@ from engine.formats.interop.qif.writing import (
     under,
 )
 from engine.formats.interop.results.demands import Demand, demand_of, kind_of
+from kb.model.conformity import COVERAGE, Conformity
 from kb.model.results import Measured, Results
 
 STATUS = {True: "PASS", False: "FAIL", None: "NOT_ANALYZED"}
+SHOWN = {
+    Conformity.CONFORMING: "PASS", Conformity.NOT_CONFORMING: "FAIL", Conformity.UNDECIDED: "INDETERMINATE",
+}  # fmt: skip
 RUN = uuid.UUID("6f7d9a50-6a3c-5c1e-9d3e-2f0d5a1b7c44")  # names of runs are made unique below it
 
 
@@ -113,14 +117,17 @@ class _Document:
         kind = kind_of(demand)
         made = SubElement(listed, f"{kind}CharacteristicMeasurement", id=str(self._id()))
         attributed(made, _beside(measured))
-        under(made, "Status", "CharacteristicStatusEnum", text=STATUS[measured.passed])
+        under(made, "Status", "CharacteristicStatusEnum", text=_verdict(measured))
         SubElement(made, "CharacteristicItemId").text = str(self.demands[demand][2])
         if self.results.started:
             SubElement(made, "TimeStamp").text = _moment(self.results, [measured])
         if measured.tool:
             devices = SubElement(made, "MeasurementDeviceIds", n="1")
             SubElement(devices, "Id").text = str(self.tools[measured.tool])
-        _valued(made, "Value", kind, measured.value, measured.unit)
+        value = _valued(made, "Value", kind, measured.value, measured.unit)
+        if kind != "UserDefinedAttribute" and (measured.uncertainty or 0) > 0:
+            value.set("combinedUncertainty", plain((measured.uncertainty or 0) / COVERAGE))
+            value.set("meanError", "0")
 
 
 def _define(listed: Element, demand: Demand, ids: tuple[int, int, int]) -> None:
@@ -163,11 +170,18 @@ def _itemise(listed: Element, demand: Demand, ids: tuple[int, int, int]) -> None
     SubElement(made, "CharacteristicNominalId").text = str(ids[1])
 
 
-def _valued(parent: Element, tag: str, kind: str, value: float, unit: str) -> None:
+def _valued(parent: Element, tag: str, kind: str, value: float, unit: str) -> Element:
     made = SubElement(parent, tag)
     made.text = plain(value)
     if kind != "UserDefinedAttribute":
         made.set("linearUnit" if kind == "UserDefinedLinear" else "unitName", unit)
+    return made
+
+
+def _verdict(measured: Measured) -> str:
+    """What a value shows, in the words of QIF: with its uncertainty, if that is known."""
+    shown = measured.conformity
+    return STATUS[measured.passed] if shown is None else SHOWN[shown]
 
 
 def _beside(measured: Measured) -> dict[str, str]:
@@ -175,9 +189,13 @@ def _beside(measured: Measured) -> dict[str, str]:
     said = {name: getattr(measured, name) for name in ("of", "quantity", "tool", "action", "unit")}
     found = {**said, "at_ms": str(measured.at_ms)}
     if kind_of(demand_of(measured)) == "UserDefinedAttribute":
-        limits = {name: getattr(measured, name) for name in ("nominal", "lower", "upper")}
-        found |= {name: repr(value) for name, value in limits.items() if value is not None}
-    return found
+        found |= _numbers(measured, ("nominal", "lower", "upper"))
+    return found | _numbers(measured, ("uncertainty", "risk"))
+
+
+def _numbers(measured: Measured, names: Iterable[str]) -> dict[str, str]:
+    numbers = ((name, getattr(measured, name)) for name in names)
+    return {name: repr(value) for name, value in numbers if value is not None}
 
 
 def _moment(results: Results, measured: Iterable[Measured]) -> str:
@@ -187,7 +205,7 @@ def _moment(results: Results, measured: Iterable[Measured]) -> str:
 
 
 def _status(measured: Iterable[Measured]) -> str:
-    verdicts = {each.passed for each in measured}
+    verdicts = {_verdict(each) for each in measured}
     if not verdicts:
         return "NOT_MEASURED"
-    return "FAIL" if False in verdicts else "UNKNOWN" if None in verdicts else "PASS"
+    return "FAIL" if "FAIL" in verdicts else "PASS" if verdicts == {"PASS"} else "UNKNOWN"

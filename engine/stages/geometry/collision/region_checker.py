@@ -3,24 +3,33 @@
 What stands in the world becomes the tree; what moves asks it; pairs that move both are compared one by one.
 """
 
+from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
 
 import numpy as np
 
 from engine.kernels.geometry.hierarchy import Hierarchy
-from engine.kernels.geometry.layout import Pieces
+from engine.kernels.geometry.layout import Pairs, Pieces
 from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
-from engine.stages.geometry.collision.carriers import only, pose_batch, split
-from engine.stages.geometry.collision.likelihood import SAMPLES, reachable, sampled, settling
+from engine.stages.geometry.collision.carriers import checked_poses, only, pose_batch, split
+from engine.stages.geometry.collision.likelihood import (
+    SAMPLES,
+    likeliest_first,
+    reachable,
+    sampled,
+    settling,
+    touchable,
+)
 from engine.stages.geometry.regions.hierarchies import nested_boxes
 from engine.stages.geometry.regions.index import hierarchy_over
 from engine.stages.geometry.regions.tree import RegionTree
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
-from engine.stages.geometry.shapes.packing import chosen, pack
+from engine.stages.geometry.shapes.packing import bounded, chosen, grouped, pack
 from engine.stages.geometry.stretches import in_stretches
 
 FREE = np.full((4, 2), -1, dtype=np.int64)  # places for what has just touched
+FEW = 40  # standing pieces within reach: pairs of so few are compared in less time than a walk takes
 AT_FIRST = 100_000  # hits that there is room for without a second look
 
 
@@ -50,6 +59,7 @@ class RegionChecker:
         use[list(self.tree.index.numbers.values())] = True
         use &= reachable(self._scene, self._pieces, self.tree.pieces) & ~self._skip.all(axis=0)
         numbers = np.nonzero(use)[0]
+        self._near_numbers = frozenset(numbers.tolist())
         near = chosen(self.tree.pieces, numbers)
         return near, hierarchy_over(near), np.ascontiguousarray(self._skip[:, numbers])
 
@@ -68,6 +78,24 @@ class RegionChecker:
             all_hits(*asked, found)
         return np.concatenate([settling(found[:count]), FREE])
 
+    @cached_property
+    def _pairwise(self) -> tuple[Pieces, Pairs] | None:
+        """The pieces and the pairs that can touch, the likeliest first; None if more than a few standing pieces are in reach."""
+        standing, numbers = self._near[0], self._near_numbers
+        if standing.count > FEW or self._scene.free:
+            return None
+        near = {
+            self.tree.regions[name].piece.body for name, n in self.tree.index.numbers.items() if n in numbers
+        }
+        kept = np.array([each.carrier != 0 or each.body in near for each in self._scene.pieces], dtype=bool)
+        pairs = self._scene.pairs.reshape(-1, 2)
+        pairs = (np.cumsum(kept) - 1)[pairs[kept[pairs].all(axis=1)]]
+        pieces = tuple(piece for piece, use in zip(self._scene.pieces, kept, strict=True) if use)
+        scene = replace(self._scene, pieces=pieces, pairs=pairs)
+        packed, bound_of = bounded(scene)
+        touching = grouped(pairs, bound_of, touchable(scene, packed))
+        return packed, likeliest_first(pose_batch(scene, sampled(scene.joints)), packed, touching)
+
     @property
     def scene(self) -> Scene:
         """What is checked."""
@@ -78,6 +106,8 @@ class RegionChecker:
         from engine.kernels.geometry.regions import first_hits
 
         where, endless = split(self._scene, where)
+        if len(where) > SAMPLES and self._pairwise is not None:
+            return endless | self._by_pairs(where, *self._pairwise)
         standing, hierarchy, skip = self._near
         found = np.zeros(len(where), dtype=bool)
         likely = FREE if self._scene.free or len(where) <= SAMPLES else self._likely
@@ -89,6 +119,19 @@ class RegionChecker:
         in_stretches(len(where), look)
         found |= endless
         return found
+
+    def _by_pairs(self, where: Floats, pieces: Pieces, pairs: Pairs) -> Truths:
+        """`collides` for a checked batch, by comparing pairs."""
+        from engine.kernels.geometry.checks import first_contacts
+
+        first = np.empty(len(where), dtype=np.int64)
+
+        def look(begin: int, end: int) -> None:
+            first_contacts(checked_poses(self._scene, where[begin:end]), pieces, pairs, first[begin:end])
+
+        in_stretches(len(where), look)
+        touching: Truths = first >= 0
+        return touching
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), at most `beyond_m`."""

@@ -8,10 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from engine.faces.cli import app
-from engine.formats.interop.measurements import points
 from engine.formats.interop.results import ResultForm, written
 from engine.kernels.rigid import transform, turned
 from engine.model.measurement import MeasurementPoint
+from engine.pipelines.points import points
 from kb.loader import load
 from kb.model.results import Measured, Results
 from tests.places import BUNDLED
@@ -66,9 +66,25 @@ def test_a_part_is_found_and_its_points_are_moved(job: Path) -> None:
     assert "# none yet" in (job / "moved.yaml").read_text()
 
 
+@pytest.mark.parametrize("named", ["cell", "cell # ours", "'cell/domain.yaml'"])
+def test_the_moved_problem_finds_its_domain_from_another_folder(job: Path, named: str) -> None:
+    shutil.copytree(BUNDLED / "bulkhead", job / "cell")
+    text = (job / "job.yaml").read_text().replace(str(BUNDLED / "bulkhead"), named)
+    (job / "job.yaml").write_text(text)
+    there = job / "other" / "deeper" / "moved.yaml"
+    there.parent.mkdir(parents=True)
+    code, said = run("align", job / "job.yaml", job / "results.json", "-o", there)
+    assert code == 0, said
+    problem = load(there).problem
+    assert problem is not None
+    assert Path(problem.domain.path).resolve() == (job / "cell" / "domain.yaml").resolve()
+    assert len(points(problem)) == 18
+    assert [each.name for each in there.parent.iterdir()] == ["moved.yaml"]
+
+
 def test_a_file_that_is_there_is_kept_if_the_moved_problem_cannot_be_written(job: Path) -> None:
     shutil.copytree(BUNDLED / "bulkhead", job / "cell")
-    text = (job / "job.yaml").read_text().replace(str(BUNDLED / "bulkhead"), "cell")
+    text = (job / "job.yaml").read_text().replace(f"domain: {BUNDLED / 'bulkhead'}", '"domain": cell')
     (job / "job.yaml").write_text(text)
     (job / "deeper").mkdir()
     there = job / "deeper" / "moved.yaml"

@@ -18,7 +18,7 @@ NUMBERS = st.floats(-1e9, 1e9) | st.integers(-1000, 1000).map(float)
 MAYBE = st.none() | NUMBERS
 MEASURED = st.builds(
     Measured, TEXTS, TEXTS, NUMBERS, st.sampled_from(["um", "mm", "g", "N cm"]), MAYBE, MAYBE, MAYBE, TEXTS, TEXTS,
-    st.integers(0, 10**9),
+    st.integers(0, 10**9), st.none() | st.floats(0, 1e6), st.none() | st.integers(1, 49).map(float),
 )  # fmt: skip
 TREATED = st.builds(
     Treated, TEXTS, TEXTS, st.integers(0, 99), st.integers(0, 99), st.lists(TEXTS, max_size=2).map(tuple)
@@ -41,6 +41,9 @@ SOME = Results(
         Measured("b1", "torque", 148, "N*cm", 150, 140, 160, "capper", "tighten(b1)", 50_000),
         Measured("b2", "torque", 148, "N*cm", 150, None, None, "", "tighten(b2)", 51_000),
         Measured("b3", "torque", 12, "mm", None, 10, None, "", "tighten(b3)", 51_000),
+        Measured("m6", "thickness", 99, "um", 100, 90, 110, "us_probe", "us_measure(m6)", 52_000, 8.0, 5.0),
+        Measured("m7", "thickness", 109, "um", 100, 90, 110, "us_probe", "us_measure(m7)", 53_000, 8.0),
+        Measured("m8", "thickness", 120, "um", 100, 90, 110, "us_probe", "us_measure(m8)", 54_000, 8.0),
     ),
 )
 
@@ -64,10 +67,22 @@ def test_a_verdict_is_written_for_people_and_other_programs() -> None:
     assert table[1].startswith(
         "monday_1,2026-11-22T10:00:00+00:00,42000,m1,thickness,6342.5,um,6350,6340,6360,yes"
     )
-    assert [line.split(",")[10] for line in table[1:]] == ["yes", "no", "", "yes", "", "yes"]
+    assert [line.split(",")[10] for line in table[1:]] == [
+        "yes",
+        "no",
+        "",
+        "yes",
+        "",
+        "yes",
+        "yes",
+        "yes",
+        "no",
+    ]
+    assert [line.split(",")[-1] for line in table[-3:]] == ["conforming", "undecided", "not conforming"]
     root = ElementTree.fromstring(written(SOME, ResultForm.QIF).encode())
     told = [each.text for each in root.iter(f"{SPACE}CharacteristicStatusEnum")]
-    assert told == ["PASS", "FAIL", "NOT_ANALYZED", "PASS", "NOT_ANALYZED", "PASS"]
+    assert told[:6] == ["PASS", "FAIL", "NOT_ANALYZED", "PASS", "NOT_ANALYZED", "PASS"]
+    assert told[6:] == ["PASS", "INDETERMINATE", "FAIL"]
     assert [each.text for each in root.iter(f"{SPACE}InspectionStatusEnum")] == ["FAIL"]
 
 
@@ -119,3 +134,29 @@ def test_a_json_text_with_a_value_of_another_kind_is_no_results(key: str, value:
     text = f'{{"version": 1, "run": "r", "started": "", "measured": [{{"of": "m", "quantity": "q", "{key}": {value}}}], "history": []}}'
     with pytest.raises(ValueError, match=f"`{key}` cannot be|not results"):
         read(text, ResultForm.JSON)
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "wrong"),
+    [("QIF_Results_Sample", 13, {"6", "9", "4"}), ("WIDGET_QIF_RESULTS", 42, {"6", "7", "19"})],
+)
+def test_results_of_other_programs_are_read_with_their_verdicts(
+    name: str, count: int, wrong: set[str]
+) -> None:
+    file = SCHEMA.parents[2] / "results" / f"{name}.QIF"
+    if not file.is_file():
+        pytest.skip("the samples of QIF are not there")
+    text = file.read_text()
+    results = read(text, ResultForm.QIF)
+    assert len(results.measured) == count
+    assert {each.of for each in results.measured if each.passed is False} == wrong
+    values = [
+        each for each in ElementTree.fromstring(text).iter() if each.tag.endswith("CharacteristicMeasurement")
+    ]
+    told = [each.findtext(f"{SPACE}Status/{SPACE}CharacteristicStatusEnum") for each in values]
+    differs = [
+        (each.value, said)
+        for each, said in zip(results.measured, told, strict=True)
+        if {True: "PASS", False: "FAIL"}.get(each.passed, said) != said
+    ]
+    assert differs in ([], [(0.0, "FAIL")])  # the sample judges both points of a profile together

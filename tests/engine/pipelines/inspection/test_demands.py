@@ -9,7 +9,7 @@ from engine.model.tour import Tour, TourProblem, slack_of, times_of, violations
 from engine.pipelines import checking
 from engine.pipelines.inspection import partition, tour_problem
 from engine.pipelines.inspection.demands import Demands, known, of_options
-from engine.pipelines.inspection.places import with_places
+from engine.pipelines.points import with_places
 from engine.stages.sequencing import sequence
 from kb.diagnostics import InvalidInput
 from kb.loader import load

@@ -10,6 +10,7 @@ from engine.model.moves import LegKind
 from engine.model.outcome import Found
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.meetings import Encounters
+from engine.pipelines.moves.meetings import found as found_meetings
 from engine.pipelines.moves.passing import moments_of
 from engine.pipelines.moves.planning import Moving, plan_moving
 from engine.pipelines.moves.rehearsal import delayed, seen, stretches
@@ -57,12 +58,14 @@ def test_arms_in_the_middle_share_a_zone_and_one_waits() -> None:
     assert made.sharing.ordered > 0
 
 
-@pytest.mark.parametrize("late_s", [0.0, 3.0])
-def test_no_delay_lets_the_arms_collide(late_s: float) -> None:
-    made, drawn = moving("crossing"), random.Random(3)
+@pytest.mark.parametrize(
+    ("name", "late_s"), [("crossing", 0.0), ("crossing", 3.0), ("scanned", 3.0), ("bench", 6.0)]
+)
+def test_no_delay_lets_the_arms_collide(name: str, late_s: float) -> None:
+    made, drawn = moving(name), random.Random(3)
     found = steps_of(made)
     semantics, backend = PlanGate().semantics(made.problem), geometry_backend()
-    walk, encounters = Walk(semantics, cell_of("dual/crossing"), backend), Encounters(backend)
+    walk, encounters = Walk(semantics, cell_of(f"dual/{name}"), backend), Encounters(backend)
     moments = moments_of(walk, found, made.steps)
     for _ in range(3):
         late = {step.id: drawn.uniform(0.0, late_s) for step in found.steps}
@@ -70,6 +73,16 @@ def test_no_delay_lets_the_arms_collide(late_s: float) -> None:
         looked = seen(stretches(moments, starts, last), encounters, step=0.01)
         assert looked.looks
         assert looked.least_m > 0.0
+
+
+def test_where_an_arm_rests_after_a_step_of_both_is_looked_at() -> None:
+    made = moving("bench")
+    backend = geometry_backend()
+    walk = Walk(PlanGate().semantics(made.problem), cell_of("dual/bench"), backend)
+    moments = moments_of(walk, steps_of(made), made.steps)
+    joint = {each.step for each in moments if len(each.arms) > 1}
+    rests = found_meetings(moments, frozenset(), Encounters(backend)).meetings.rests
+    assert any(after in joint for _, after, _ in rests)
 
 
 def test_without_the_orders_the_arms_would_collide() -> None:

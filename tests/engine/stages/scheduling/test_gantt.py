@@ -60,6 +60,18 @@ def test_the_picture_is_xml_with_a_bar_for_everything() -> None:
     assert len(bars) == sum(len(row.bars) for row in rows(SHOP, GOOD))
 
 
+def test_steps_of_one_operator_have_one_colour_and_a_legend() -> None:
+    steps = ("1 move(a, b)", "2 look(b)", "3 move(b, a)")
+    shop = Shop(tuple(Job(each, (Stage(each, 4, ("arm",)),)) for each in steps), (Resource("arm"),))
+    made = Schedule({each: 4 * n for n, each in enumerate(steps)}, (), 12, 12)
+    root = ET.fromstring(chart(shop, made, "s"))
+    bars = [each for each in root.iter("{http://www.w3.org/2000/svg}rect") if each.get("class") == "bar"]
+    first, look, last = sorted(bars, key=lambda each: float(each.get("x", 0)))
+    assert first.get("fill") == last.get("fill") != look.get("fill")
+    told = [each.text for each in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert told.count("move") == told.count("look") == 1
+
+
 def test_data_say_when_each_stage_is() -> None:
     entry = schedule_entry(SHOP, GOOD)
     assert [(each["stage"], each["start"], each["end"]) for each in entry["stages"]] == [

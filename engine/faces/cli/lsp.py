@@ -1,0 +1,30 @@
+"""`cellwright lsp`: the language server."""
+
+from typing import Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+
+EXTRA = ("pygls", "lsprotocol")
+Stdio = Annotated[bool, typer.Option("--stdio", help="speak over standard input and output, as always")]
+
+
+def lsp(_stdio: Stdio = True) -> None:
+    """Serve an editor that writes domains: errors while typing, completion, hover, rename. Editors start it (docs/editor.md)."""
+    give(_served, Form.TEXT)
+
+
+def _served() -> Answer:
+    from importlib.util import find_spec
+
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    if missing := [each for each in EXTRA if find_spec(each) is None]:
+        said = f"the language server needs {', '.join(missing)}"
+        hint = "pip install 'cellwright[lsp]'"
+        raise InvalidInput([Diagnostic(Source("cellwright lsp"), "K414", said, hint)])
+    from engine.faces.lsp.server import serve
+
+    serve()
+    return Answer("ok")

@@ -1,0 +1,53 @@
+"""What commands with many units of work have in common: who carries them out, and how far they are."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from engine.faces.cli.options import refuse_idle
+
+if TYPE_CHECKING:
+    from engine.pipelines.units import Crew
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """How units of work are carried out: by so many processes or a cluster, and the store where finished ones are noted."""
+
+    jobs: int = 1
+    cluster: str = ""
+    store: str = ""
+
+
+def refuse_both(jobs: int, cluster: str) -> None:
+    """Refuse --jobs beside --cluster. Raises `IdleOption`."""
+    if cluster:
+        refuse_idle({"--jobs": jobs}, "with --cluster")
+
+
+def crew_asked(jobs: int, cluster: str) -> "Crew":
+    """The crew that the options --jobs and --cluster name. Raises `InvalidInput` if nobody answers at the address."""
+    from engine.pipelines.units import crew_of
+
+    return crew_of(jobs or len(os.sched_getaffinity(0)), cluster)
+
+
+@contextmanager
+def progress_of(what: str) -> "Iterator[Callable[[int, int], None]]":
+    """A progress bar on a terminal; nothing in a pipe."""
+    if not sys.stderr.isatty():
+        from engine.pipelines.units import silent
+
+        yield silent
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from engine.faces.cli.terminal import console
+
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
+        shown = bar.add_task("", total=None)
+        yield lambda done, of: bar.update(shown, completed=done, total=of)

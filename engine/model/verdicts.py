@@ -1,0 +1,92 @@
+"""What was measured of a feature, taken together: its value, how sure it is, what it shows, and what of it does not count."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from kb.model.conformity import COVERAGE, RISK, Conformity, conformity
+from kb.model.results import Measured
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """One quantity of one thing. `value` is the mean of the `values` that count, in the frame of the part; None if none does.
+
+    `uncertainty` is expanded (two standard deviations). `bad` are values that do not count, each with the reason. `doubt` says why
+    it should be measured again before it counts, `why` what keeps it from a decision. All numbers count `unit`s.
+    """
+
+    of: str
+    quantity: str
+    unit: str = ""
+    nominal: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+    risk: float | None = None
+    value: float | None = None
+    uncertainty: float | None = None
+    values: tuple[Measured, ...] = ()
+    bad: tuple[tuple[Measured, str], ...] = ()
+    doubt: str = ""
+    why: str = ""
+
+    @property
+    def conformity(self) -> Conformity | None:
+        """What the value shows; None without limits, without an uncertainty, or without a value that counts."""
+        if self.value is None or self.uncertainty is None or self.doubt:
+            return None
+        risk = RISK if self.risk is None else self.risk
+        return conformity(self.value, self.lower, self.upper, self.uncertainty, risk)
+
+    @property
+    def judged(self) -> str:
+        """The verdict in a word or two."""
+        if self.value is None:
+            return "not measured"
+        if self.doubt:
+            return "doubtful"
+        shown = self.conformity
+        if shown is not None:
+            return shown.value
+        if self.lower is None and self.upper is None:
+            return "not judged"
+        inside = (self.lower is None or self.value >= self.lower) and (
+            self.upper is None or self.value <= self.upper
+        )
+        return "passed" if inside else "failed"
+
+    @property
+    def sigma(self) -> float:
+        """The standard deviation of the value; 0 if it is not known."""
+        return (self.uncertainty or 0.0) / COVERAGE
+
+
+@dataclass(frozen=True, slots=True)
+class Unmeasured:
+    """A measurement that a problem has and a run has not made, and why."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What a run has shown of a part: its features, what was not measured, and where the part lay.
+
+    `places` are where features are, in metres in the frame of the part. `part` is the displacement of the part, three rows of
+    four numbers; empty if it was not looked for. `refused` says why its datums fit nowhere, if they did not. `wrong` are datums that disagree.
+    """
+
+    features: tuple[Feature, ...]
+    unmeasured: tuple[Unmeasured, ...] = ()
+    places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    part: tuple[float, ...] = ()
+    datums: int = 0
+    wrong: tuple[str, ...] = ()
+    refused: str = ""
+
+    def counts(self) -> dict[str, int]:
+        """How many features there are of each verdict, the most frequent first; those that were not measured are among them."""
+        found = Counter(each.judged for each in self.features)
+        found.update({"not measured": len(self.unmeasured)} if self.unmeasured else {})
+        return dict(sorted(found.items(), key=lambda each: (-each[1], each[0])))

@@ -1,0 +1,125 @@
+"""Processes of this machine that carry units out. They end when they are told to, and with their parent."""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, wait
+from multiprocessing.synchronize import Event
+from typing import Any
+
+from engine.pipelines.units.guard import limited_memory, share
+from engine.pipelines.units.work import Kind, Unit, one
+
+ENDING = 0.5  # seconds that processes may take to end their searches
+SPAWN = multiprocessing.get_context("spawn")
+
+
+@contextlib.contextmanager
+def pool(processes: int) -> "Iterator[Pool]":
+    """A pool of processes. A second Ctrl-C kills them."""
+    hands = Pool(processes)
+    try:
+        yield hands
+        hands.close()
+    except BaseException:
+        hands.kill()
+        raise
+
+
+class Pool:
+    """Processes, spawned, so that none inherits a connection or the lock of a thread. See `Hands`."""
+
+    deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    patience = 3
+
+    def __init__(self, processes: int) -> None:
+        self._processes = processes
+        self._stop = SPAWN.Event()
+        self._pool = self._made()
+
+    def _made(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self._processes, SPAWN, _listen, (self._stop, share(self._processes)))
+
+    @property
+    def width(self) -> int:
+        """One more than there are processes, so that none waits."""
+        return self._processes + 1
+
+    def give(self, kind: Kind[Any, Any], unit: Unit[Any]) -> Future[Any]:
+        """See `Hands`."""
+        with _deaf():
+            return self._pool.submit(_one, kind, unit)
+
+    def renew(self) -> None:
+        """A new pool in the place of one that is broken."""
+        if getattr(self._pool, "_broken", False):
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = self._made()
+
+    def gone(self) -> str:
+        """A pool can always be made anew."""
+        return ""
+
+    def stop(self, running: Sequence[Future[Any]]) -> None:
+        """Have the searches end; kill those that do not."""
+        self._stop.set()
+        wait(running, timeout=ENDING)
+        if any(not each.done() for each in running):
+            self.kill()
+
+    def close(self) -> None:
+        """Wait until all processes have ended."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def kill(self) -> None:
+        """End all processes at once."""
+        for process in multiprocessing.active_children():
+            process.kill()
+
+
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes that are started inside this context ignore Ctrl-C, which a terminal sends to them, too.
+
+    The parent process handles Ctrl-C and tells them to stop.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # an alarm would reach processes that are half started, and they would complain
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
+        signal.signal(signal.SIGINT, before)
+
+
+_STOPS: list[Event] = []  # in a process of the pool: the event that tells it to stop
+
+
+def _listen(stop: Event, megabytes: int) -> None:
+    """In a process of the pool: stop its searches and its grounding when `stop` is set, and end with its parent."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _STOPS.append(stop)
+    limited_memory(megabytes)
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent is gone, killed perhaps: the pool's queue would keep it waiting for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _stopped() -> bool:
+    return any(each.is_set() for each in _STOPS)
+
+
+def _one(kind: Kind[Any, Any], unit: Unit[Any]) -> Any:
+    return one(kind, unit, _stopped)

@@ -1,0 +1,117 @@
+"""What a unit of work is, how one is carried out, and how results are noted in a ledger."""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+from engine.kernels.cancellation import Interrupted
+from kb import stopping
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+
+def silent(_done: int, _of: int) -> None:
+    """Show no progress."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit(Generic[J]):
+    """A piece of work. `name` says which among its kind, `key` is a digest of all that its result depends on."""
+
+    name: str
+    key: str
+    job: J
+
+
+@dataclass(frozen=True, slots=True)
+class Ledger:
+    """Where the results of finished units of a kind are noted: in a store, as JSON.
+
+    `finished` says whether a unit with this result need not be done again. `written` gives what is noted of a result, None
+    for nothing; `read` is its inverse.
+    """
+
+    store: str
+    finished: Callable[[Any], bool]
+    written: Callable[[Any], Mapping[str, Any] | None]
+    read: Callable[[Mapping[str, Any]], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind(Generic[J, R]):
+    """A kind of work. Its functions are those of a module, so that they can be named to another process.
+
+    `work` carries out one job. `lost` is the result of a job that could not be carried out, with the reason.
+    """
+
+    name: str
+    work: Callable[[J, Interrupted], R]
+    lost: Callable[[J, str], R]
+    ledger: Ledger | None = None
+
+
+class Crew(Protocol):
+    """Who carries units out: this process, processes of this machine, or a cluster."""
+
+    def carry_out(
+        self, kind: Kind[J, R], units: Sequence[Unit[J]], interrupted: Interrupted
+    ) -> Generator[tuple[Unit[J], R], None, None]:
+        """The units with their results, in the order in which they are finished.
+
+        Ends soon after `interrupted` holds; then every unit that is not finished has the result `lost`.
+        """
+        ...
+
+
+def carried_out(
+    kind: Kind[J, R], units: Sequence[Unit[J]], crew: Crew, interrupted: Interrupted
+) -> Generator[tuple[Unit[J], R], None, None]:
+    """All units with their results; first those that the ledger holds, then the others as they are finished.
+
+    When the last one is finished, the ledger forgets them. Raises `InvalidInput` if the ledger cannot be used.
+    """
+    noted = _noted(kind, units)
+    left = [each for each in units if each.name not in noted]
+    for each in units:
+        if each.name in noted:
+            yield each, noted[each.name]
+    whole = True
+    for unit, result in crew.carry_out(kind, left, interrupted) if left else ():
+        whole = whole and kind.ledger is not None and kind.ledger.finished(result)
+        yield unit, result
+    if kind.ledger is not None and whole:
+        _forget(kind, kind.ledger, units)
+
+
+def one(kind: Kind[J, R], unit: Unit[J], interrupted: Interrupted) -> R:
+    """Carry out one unit, unless somebody has done so in the meantime, and note its result."""
+    noted = _noted(kind, [unit])
+    if noted:
+        return noted[unit.name]
+    with stopping.asking(interrupted):
+        result = kind.work(unit.job, interrupted)
+    ledger = kind.ledger
+    if ledger is not None and ledger.finished(result) and (content := ledger.written(result)) is not None:
+        from kb.store.units import UnitStore
+
+        with UnitStore(ledger.store, kind.name) as store:
+            store.keep(unit.name, unit.key, content)
+    return result
+
+
+def _noted(kind: Kind[J, R], units: Sequence[Unit[J]]) -> dict[str, R]:
+    if kind.ledger is None or not units:
+        return {}
+    from kb.store.units import UnitStore
+
+    with UnitStore(kind.ledger.store, kind.name) as store:
+        found = store.finished({each.name: each.key for each in units})
+    return {name: kind.ledger.read(content) for name, content in found.items()}
+
+
+def _forget(kind: Kind[J, R], ledger: Ledger, units: Sequence[Unit[J]]) -> None:
+    from kb.store.units import UnitStore
+
+    with UnitStore(ledger.store, kind.name) as store:
+        store.clear([each.name for each in units])

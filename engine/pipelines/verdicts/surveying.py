@@ -1,0 +1,54 @@
+"""What a run has shown of a part, from its results and its journal: coverage, verdicts, and where the part lay."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from engine.model.measurements import chooses_tools, measurements_of, wanted
+from engine.model.verdicts import Survey, Unmeasured
+from engine.pipelines.points import points, with_places
+from engine.pipelines.verdicts.assessing import assessed
+from engine.pipelines.verdicts.lying import lying_in
+from kb.model.problem import Problem
+from kb.model.results import Results
+
+Content = Mapping[str, Any]
+
+
+def survey(
+    problem: Problem,
+    results: Results,
+    alignments: Iterable[tuple[Content, int]] = (),
+    given_up: Iterable[tuple[str, str]] = (),
+    impossible: Mapping[str, str] | None = None,
+) -> Survey | None:
+    """The survey of a run; None for a problem without measurements.
+
+    `alignments` are its records about where the part lies, each with its time, the last one last. `given_up` are goals with reasons,
+    `impossible` measurements that no tool can take.
+    """
+    if not chooses_tools(problem.domain):
+        return None
+    found, refused = lying_in(alignments)
+    features = assessed(problem, results.measured, found)
+    done = {each.of for each in features}
+    why = _reasons(problem, given_up, impossible or {})
+    missing = tuple(Unmeasured(name, why[name]) for name in measurements_of(problem) if name not in done)
+    places = {point.name: point.position for point in points(with_places(problem))}
+    if found is None:
+        return Survey(features, missing, places, refused=refused)
+    part = tuple(float(each) for each in found.T[:3].ravel())
+    return Survey(features, missing, places, part, found.datums, found.wrong)
+
+
+def _reasons(
+    problem: Problem, given_up: Iterable[tuple[str, str]], impossible: Mapping[str, str]
+) -> dict[str, str]:
+    asked = wanted(problem)
+    found = {
+        name: "the run has not come to it" if name in asked else "no goal asks for it"
+        for name in measurements_of(problem)
+    }
+    words = problem.domain.conventions
+    for goal, why in given_up:
+        found |= {name: why for name in found if f"{words.place(name)}" in goal}
+    return found | {name: why for name, why in impossible.items() if name in found}

@@ -1,0 +1,68 @@
+"""The ledger of work that goes on: results of finished units, until the whole is finished.
+
+A row has the name of a unit, and a key: a digest of all that its result depends on. A result counts only for the same key. So a
+unit whose input was edited is done again, and its new result takes the place of the old one.
+"""
+
+import json
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from sqlalchemy import delete, select
+from sqlalchemy.dialects import postgresql, sqlite
+
+from kb.json_text import parsed
+from kb.store.engines import is_writable, transaction
+from kb.store.opening import Database
+from kb.store.outlines import chunks
+from kb.store.schema import units
+
+
+class UnitStore(Database):
+    """The finished units of one kind of work, in a database. Raises `InvalidInput` if the database reports an error."""
+
+    def __init__(self, target: str, kind: str) -> None:
+        super().__init__(target)
+        self.kind = kind
+
+    def finished(self, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+        """The results of those units, given by name and key, that are finished. One that cannot be read is not."""
+        found: dict[str, dict[str, Any]] = {}
+        with transaction(self._engine, self.target) as connection:
+            for chunk in chunks(sorted(keys)):
+                mine = (units.c.kind == self.kind) & units.c.name.in_(chunk)
+                for name, key, document in connection.execute(
+                    select(units.c.name, units.c.key, units.c.document).where(mine)
+                ):
+                    if key == keys[name] and (result := _read(document)) is not None:
+                        found[name] = result
+        return found
+
+    def keep(self, name: str, key: str, result: Mapping[str, Any]) -> None:
+        """Keep the result of a unit, in the place of an older one. To keep the same one twice changes nothing.
+
+        In a library that may only be read nothing is kept.
+        """
+        if not is_writable(self._engine):
+            return
+        row = {"key": key, "document": json.dumps(result, ensure_ascii=False)}
+        with transaction(self._engine, self.target, writes=True) as connection:
+            insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
+            made = insert(units).values(kind=self.kind, name=name, **row)
+            connection.execute(made.on_conflict_do_update(index_elements=["kind", "name"], set_=row))
+
+    def clear(self, names: Collection[str]) -> None:
+        """Remove the results of units: the whole is finished."""
+        if not is_writable(self._engine):
+            return
+        with transaction(self._engine, self.target, writes=True) as connection:
+            for chunk in chunks(sorted(names)):
+                connection.execute(delete(units).where((units.c.kind == self.kind) & units.c.name.in_(chunk)))
+
+
+def _read(document: str) -> dict[str, Any] | None:
+    try:
+        found = parsed(document)
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) else None

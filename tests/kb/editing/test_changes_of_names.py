@@ -1,0 +1,146 @@
+"""New names: what is renamed means the same under its new name, and what cannot be renamed is refused with a reason."""
+
+import shutil
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+from test_names_in_files import index_of
+
+from kb.diagnostics import Diagnostic, InvalidInput
+from kb.editing.changing import NotRenamed, renamed
+from kb.editing.fixes import fixes
+from kb.editing.index import FileIndex, Index
+from kb.loader import load, problem_files
+from kb.loader.faults import load_faults
+from kb.targets import BUNDLED
+
+RENAMED = [
+    ("accessible(place)", "reachable", "predicate"),
+    ("probe: item", "sample", "type"),
+    ("slot(unit, int)", "recess", "function"),
+    ("drawer, furnace, freezer]", "tray", "object"),
+    ("open_drawer:", "pull_drawer", "operator"),
+    ("Item, Place):", "Thing", "variable"),
+]
+
+
+def apply(index: Index, changes: list[tuple[str, int, int, str]]) -> None:
+    """Write changes into the files."""
+    by_file = defaultdict(list)
+    for path, start, end, text in changes:
+        by_file[path].append((start, end, text))
+    for path, edits in by_file.items():
+        text = index.files[path].text
+        for start, end, new in sorted(edits, reverse=True):
+            text = text[:start] + new + text[end:]
+        Path(path).write_text(text)
+
+
+def everything(folder: Path) -> str:
+    """A domain with its problems and faults, as text without places."""
+    domain = folder / "domain.yaml"
+    problems = [load(path).problem for path in problem_files(domain)]
+    return "\n".join([repr(load(domain).domain), *map(repr, problems), repr(load_faults(domain)[0])])
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(BUNDLED / "themse", tmp_path / "themse"))
+
+
+@pytest.mark.parametrize(("where", "name", "space"), RENAMED)
+def test_a_renamed_domain_loads_and_names_nothing_by_its_old_name(
+    cell: Path, where: str, name: str, space: str
+) -> None:
+    before, index = everything(cell), index_of(cell)
+    file = index.files[str(cell / "domain.yaml")]
+    offset = file.text.index(where)
+    symbol = index.symbol(file, offset)
+    assert symbol is not None
+    assert symbol[0].space == space
+    old = symbol[0].name
+    apply(index, list(renamed(index, file, offset, name)))
+    after = everything(cell)
+    assert after != before
+    again = index_of(cell)
+    assert not list(again.uses(symbol[0])) or space == "variable"
+    back = again.files[file.path]
+    place = next(each.start for _, each in back.named(name))
+    apply(again, list(renamed(again, back, place, old)))
+    assert {path.name: path.read_text() for path in cell.rglob("*.yaml")} == {
+        path.name: path.read_text() for path in (BUNDLED / "themse").rglob("*.yaml")
+    }
+
+
+@pytest.mark.parametrize(
+    ("where", "name", "why"),
+    [
+        ("probe_1..4", "p", "range"),
+        ("accessible(place)", "at", "declared already"),
+        ("accessible(place)", "Accessible", "small letter"),
+        ("accessible(place)", "probe", "declared already"),
+        ("accessible(place)", "numbered", "rules use"),
+        ("Item, Place):", "Place", "already"),
+        ("Item, Place):", "thing", "capital"),
+        ("units: {time", "x", "no name"),
+        ("int): depot", "x", "built in"),
+        ("open_drawer), reply", "not", "no name here"),
+    ],
+)
+def test_what_cannot_be_renamed_is_refused(where: str, name: str, why: str) -> None:
+    index = index_of(BUNDLED / "themse")
+    file = next(file for path, file in index.files.items() if path.endswith("domain.yaml"))
+    with pytest.raises(NotRenamed, match=why):
+        list(renamed(index, file, file.text.index(where), name))
+
+
+def findings(domain: Path) -> list[Diagnostic]:
+    try:
+        return list(load(domain).warnings)
+    except InvalidInput as error:
+        return list(error.diagnostics)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "title"),
+    [
+        ("accessible(Place)", "acessible(Place)", "write 'accessible'"),
+        ("probe: item", "probe: itm", "write 'item'"),
+        (
+            "preconditions: at(Item, Place), free",
+            "precondition: at(Item, Place), free",
+            "write 'preconditions'",
+        ),
+        ("pick(Item, Place):", "pick(Item):", "add Place to the header of pick"),
+        ("adds: at(Item, mars_gripper)", "adds: at(Item, mars_griper)", "write 'mars_gripper'"),
+    ],
+)
+def test_a_fix_takes_its_finding_away(cell: Path, right: str, wrong: str, title: str) -> None:
+    domain = cell / "domain.yaml"
+    domain.write_text(domain.read_text().replace(right, wrong, 1))
+    before, index = findings(domain), index_of(cell)
+    file = index.files[str(domain)]
+    offered = {fix.title: fix for each in before for fix in fixes(index, file, each)}
+    apply(index, list(offered[title].changes))
+    assert [each for each in findings(domain) if not each.warning] == []
+
+
+def test_an_unknown_predicate_is_declared_as_it_is_used(cell: Path) -> None:
+    domain = cell / "domain.yaml"
+    domain.write_text(domain.read_text().replace("accessible(Place)", "polished(rim, Place)", 1))
+    (finding,) = [each for each in findings(domain) if "polished" in each.message]
+    index = index_of(cell)
+    offered = list(fixes(index, index.files[str(domain)], finding))
+    fluent = next(fix for fix in offered if "fluents" in fix.title)
+    assert fluent.title == "declare polished(rest, object) under `fluents:`"
+    apply(index, list(fluent.changes))
+    assert not [each for each in findings(domain) if each.code == "K101"]
+
+
+def test_a_finding_beyond_the_text_has_no_fix() -> None:
+    from kb.diagnostics import Source
+
+    file = FileIndex.of("domain.yaml", "domain: d\n")
+    finding = Diagnostic(Source("domain.yaml", 90, 3), "K101", "unknown type 'x'", "did you mean 'y'?")
+    assert list(fixes(Index({"domain.yaml": file}), file, finding)) == []
