@@ -118,6 +118,7 @@ class Source:
     """A place in a file; lines and columns count from 1, `column` 0 means the whole line.
 
     `text` is that line. For a long line, it is the part around the column, which begins after `cut` characters.
+    A place in the file of a device has `used`: the place where the domain uses the device.
     """
 
     path: str
@@ -125,6 +126,7 @@ class Source:
     column: int = 0
     text: str = field(default="", compare=False)
     cut: int = field(default=0, compare=False)
+    used: "Source | None" = field(default=None, compare=False)
 
     def __str__(self) -> str:
         path = printable(self.path)
@@ -187,6 +189,8 @@ class Diagnostic:
         severity = "warning" if self.warning else "error"
         lines = [f"{self.where}: {severity} {self.code}: {printable(self.message)}"]
         lines += [f"    {line}" for line in self.where.excerpt()]
+        if self.where.used:
+            lines.append(f"  used: {self.where.used}")
         if self.hint:
             lines.append(f"  try: {printable(self.hint)}")
         return "\n".join(lines)

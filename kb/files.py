@@ -60,6 +60,14 @@ class File:
         """A file with this text."""
         return cls(path, text, (0, *(found.end() for found in re.finditer("\n", text))))
 
+    def beside(self, path: Path) -> "File":
+        """Another file that belongs to this one. Raises `InvalidInput` if it cannot be read as text."""
+        return read_file(path)
+
+    def user(self) -> Source | None:
+        """The place where the device is used that the file belongs to; None for a file of the domain itself."""
+        return None
+
     def at(self, index: int) -> Source:
         """The place of a character. It takes the same time for lines of any length."""
         line = bisect.bisect_right(self.line_starts, index)

@@ -13,12 +13,24 @@ if TYPE_CHECKING:
 DOMAIN_FILE = "domain.yaml"
 CELL_FILE = "cell.yaml"
 CONTACTS_FILE = "contacts.yaml"
+DEVICE_FILE = "device.yaml"
+DEVICES = "devices"  # the folder of devices: of those that come with the engine, and beside a domain
 BUNDLED = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
 
 
 def bundled() -> dict[str, Path]:
     """The domains that come with the engine, by name."""
     return {path.parent.name: path.parent for path in sorted(BUNDLED.glob(f"*/{DOMAIN_FILE}"))}
+
+
+def bundled_devices() -> dict[str, Path]:
+    """The devices that come with the engine, by name."""
+    return devices_in(BUNDLED / DEVICES)
+
+
+def devices_in(folder: Path) -> dict[str, Path]:
+    """The devices in a folder, by name."""
+    return {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{DEVICE_FILE}"))}
 
 
 def find(target: str) -> Path:

@@ -24,7 +24,10 @@ from kb.loader.domain import as_written
 from kb.loader.faults import FAULTS_FILE, load_faults
 from kb.model.domain import Domain
 from kb.model.problem import Problem
+from kb.targets import BUNDLED, DEVICES
 from kb.terms import Atom
+
+UNNEEDED = ("K304", "K309", "K310", "K605")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +76,14 @@ def check(target: str, reach: bool = True) -> CheckReport:
         if loaded is not None and is_there(beside := Path(loaded.domain.path).with_name(name)):
             paths.append(beside)
             found += checked(Path(loaded.domain.path))
-    return CheckReport(tuple(map(str, paths)), in_order(found))
+    return CheckReport(tuple(map(str, paths)), in_order(each for each in found if not _is_unneeded(each)))
+
+
+def _is_unneeded(found: Diagnostic) -> bool:
+    """Whether a warning says that this cell does not need all that a device of the engine can do, or has two of one kind."""
+    if not found.warning or found.where.used is None or found.code not in UNNEEDED:
+        return False
+    return Path(found.where.path).is_relative_to(BUNDLED / DEVICES)
 
 
 def _starts_badly(problem: Problem, task: Task, problems: Sequence[Problem], found: list[Diagnostic]) -> bool:

@@ -13,7 +13,7 @@ from kb.model.plan import Claims, Plan
 from kb.model.problem import Problem
 from kb.targets import CONTACTS_FILE
 
-OPERATORS = re.compile(r"^(operators|['\"]operators['\"])\s*:", re.MULTILINE)
+OPERATORS = re.compile(r"^['\"]?(operators|use)['\"]?\s*:", re.MULTILINE)  # its own, or those of devices
 
 
 def check_plan(

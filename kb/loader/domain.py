@@ -16,6 +16,7 @@ from kb.loader.operators import read_operators
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.rules import read_rules
 from kb.loader.tree import read_file
+from kb.loader.uses import composed, composed_beside
 from kb.model.computed import with_named_values
 from kb.model.domain import TOOLS, Domain, Phrase
 
@@ -32,6 +33,7 @@ def read_domain(path: Path, findings: Findings, rewrite: Rewrite = as_written) -
     Raises `InvalidInput` if its form is wrong; other errors are noted.
     """
     reader = Reader.of(rewrite(path) or read_file(path), findings)
+    composed(reader, path)
     if not validate_shape(reader, "domain"):
         require(findings)
     reader.time_unit = reader.text("units", "time") or "s"
@@ -73,6 +75,7 @@ def read_beside(domain: Path, name: str, form: str, what: str) -> tuple[Reader, 
         raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"this domain has no {what}", hint)])
     known, names = read_domain(domain, Findings())
     reader = Reader.of(read_file(path), Findings())
+    composed_beside(reader, domain, form)
     if not validate_shape(reader, form):
         require(reader.findings)
     names.findings = reader.findings

@@ -33,7 +33,7 @@ class _FaultReader:
     def __init__(self, reader: Reader, domain: Domain, names: Names) -> None:
         self.reader, self.domain, self.names = reader, domain, names
         self.operators = {operator.name: operator for operator in domain.operators}
-        self.bound: dict[Variable, str] = {}
+        self.bound: dict[str, dict[Variable, str]] = {}  # for each file: a device has variables of its own
 
     def model(self, path: str) -> FaultModel:
         self._name()
@@ -69,16 +69,25 @@ class _FaultReader:
                 counts[cause] = float(count.value)
         operator = self._operator(node, "of")
         if operator is not None:
-            self._bind(operator)
+            self._bind(operator, node.file.path)
         return Interruption(
             name, _text(node, "say"), counts, operator, _text(node, "reply") or "timeout", key.where
         )
 
-    def _bind(self, header: Function) -> None:
+    def _bind(self, header: Function, file: str) -> None:
         """Give the variables of an exception's operator the types of its parameters, in all atoms of the file."""
+        bound = self.bound.setdefault(file, {})
         for argument, parameter in zip(header.arguments, self._of(header).parameters, strict=True):
             if isinstance(argument, Variable):
-                self.bound.setdefault(argument, parameter.type)
+                bound.setdefault(argument, parameter.type)
+
+    def _types_in(self, file: str) -> dict[Variable, str]:
+        """The types of variables in a file. What it does not bind itself is bound as in the other files."""
+        found: dict[Variable, str] = {}
+        for bound in (self.bound.get(file, {}), *self.bound.values()):
+            for variable, type_ in bound.items():
+                found.setdefault(variable, type_)
+        return found
 
     def _cause(self, name: str, key: Node, node: Node) -> Cause:
         return Cause(
@@ -176,9 +185,9 @@ class _FaultReader:
         """The fluents under a key, or atoms of other `kinds`, checked against their signatures."""
         given = _child(node, key)
         expression = self.reader.parse("atoms", given) if given else None
-        if expression is None:
+        if given is None or expression is None:
             return ()
-        typing = Typing(self.names, self.bound)
+        typing = Typing(self.names, self._types_in(given.file.path))
         for atom in expression.value:
             typing.atom(atom, expression, kinds)
         return tuple(expression.value)

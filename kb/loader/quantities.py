@@ -61,7 +61,8 @@ class Quantities:
             self.findings.add(node.where, "K005", "not a number", "write 0.5, 20 mm or 90 deg")
             return 0.0
         units = {LENGTH: LENGTHS, ANGLE: ANGLES, FACTOR: {"": 1.0}}[kind]
-        bare = {LENGTH: self.length, ANGLE: self.angle, FACTOR: ""}[kind]
+        own = node.file.user() is None  # devices count in metres and degrees, whatever the cell counts in
+        bare = {LENGTH: self.length if own else "m", ANGLE: self.angle if own else "deg", FACTOR: ""}[kind]
         unit = found[2] or bare
         if unit not in units:
             hint = f"one of: {', '.join(units)}" if kind != FACTOR else "leave the unit out"

@@ -9,7 +9,7 @@ from kb.asp import AspError
 from kb.asp.compiled import NotCompilable, compiled
 from kb.asp.statements import ParsedStatement, RefusedStatement, statements, unsafe
 from kb.diagnostics import Source, nearest
-from kb.files import File, is_file, read_file, within
+from kb.files import File, is_file, within
 from kb.graphs import components
 from kb.loader.names import Names, count_of
 from kb.loader.reader import Reader
@@ -24,9 +24,13 @@ def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[Stateme
     """The statements in the files under `include:`. Derived predicates that only read statics become static."""
     read: Read = []
     included = ((node.value, node) for node in reader.items("include") if isinstance(node.value, str))
-    for name, node in reader.once(included):
-        if (target := _included(reader, name, node, folder)) is not None:
-            read.extend(_statements(read_file(target, str(folder / name)), names))
+    by_file: dict[str, list[tuple[str, Node]]] = {}
+    for name, node in included:
+        by_file.setdefault(str(node.file.user() or ""), []).append((name, node))
+    for name, node in (each for one in by_file.values() for each in reader.once(one)):
+        here = folder if node.file.user() is None else Path(node.file.path).parent
+        if (target := _included(reader, name, node, here)) is not None:
+            read.extend(_statements(node.file.beside(target), names))
     fluent = _depending_on_fluents(read, names)
     for predicate in list(names.predicates.values()):
         if predicate.kind is Kind.DERIVED and (predicate.name, len(predicate.arguments)) not in fluent:
@@ -69,7 +73,7 @@ def _read(file: File) -> list[ParsedStatement | RefusedStatement]:
     return list(statements(file.text, file.line))
 
 
-_remembered = functools.lru_cache(16)(_read)
+_remembered = functools.lru_cache(64)(_read)
 
 
 def _depending_on_fluents(read: Read, names: Names) -> set[Signature]:

@@ -42,7 +42,7 @@ def _read(file: File, most: int) -> tuple[Node, list[Diagnostic]]:
     return root, found
 
 
-_remembered = functools.lru_cache(16)(_read)
+_remembered = functools.lru_cache(64)(_read)
 
 
 def outlined(text: str) -> Iterator[str | None]:

@@ -6,7 +6,7 @@ from kb.schema.validation import Deviation, deviations, keys_at, model_of, value
 
 __all__ = ["KINDS", "Deviation", "deviations", "json_schema", "keys_at", "values_at"]
 
-KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "events")
+KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "device", "events")
 
 
 def json_schema(kind: str) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from typing import Literal, get_args
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
 from kb.model.conventions import CONVENTIONS
@@ -197,10 +197,21 @@ _ROLES: JsonDict = {
 ToolName = Literal["sequencer", "library", "planner", "scheduler", "diagnosis"]
 
 
-class DomainFile(Strict):
-    """A `domain.yaml`: one kind of cell."""
+class UseEntry(BaseModel):
+    """How a device is used: which one, if it is not called as the use is, and what its parameters are."""
 
-    domain: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the domain's name")
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
+
+    device: str | None = Field(None, description="the device; left out, the one with the name of the use")
+
+
+class Sections(Strict):
+    """What a domain and a device both may say."""
+
+    use: dict[str, UseEntry | None] = Field(
+        default_factory=dict,
+        description="devices, each under its name in this cell, with their parameters",
+    )
     include: list[str] = Field(default_factory=list, description="ASP files beside this one: facts and rules")
     units: UnitsEntry = Field(
         default_factory=lambda: UnitsEntry(time="s"), description="the units of numbers"
@@ -256,4 +267,13 @@ class DomainFile(Strict):
     )
     commands: CommandsEntry = Field(
         default_factory=lambda: CommandsEntry(), description="words and phrases that people use"
+    )
+
+
+class DomainFile(Sections):
+    """A `domain.yaml`: one kind of cell."""
+
+    domain: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the domain's name")
+    without: list[str] = Field(
+        default_factory=list, description="operators of the devices that this domain leaves out"
     )

@@ -42,6 +42,7 @@ MODELS = {
     "faults": ("faults", "FaultsFile"),
     "contacts": ("contacts", "ContactsFile"),
     "scene": ("scene", "SceneFile"),
+    "device": ("device", "DeviceFile"),
     "events": ("events", "EventLine"),
 }
 """For each kind of file, the module of its form and the name of it there."""

@@ -2,8 +2,10 @@
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
+from engine.authoring.starter.assembled import texts
 from engine.authoring.testing.golden import compare_all, update
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.schema import json_schema
@@ -14,10 +16,32 @@ CELL = Path(__file__).with_name("cell")
 
 def create(folder: Path) -> list[Path]:
     """Write a new domain into a new or empty folder and return the files written. Raises `InvalidInput`, `OSError`."""
+    _require_empty(folder)
+    return sorted([*_copy(CELL, folder, _name(folder)), *_completed(folder)])
+
+
+def create_with(folder: Path, devices: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """Write a domain made of these devices into a new or empty folder. Returns its files, and faults to try.
+
+    Raises `InvalidInput`, `OSError`.
+    """
+    _require_empty(folder)
+    files, faults = texts(folder, _name(folder), devices)
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, "utf-8")
+    return sorted([*(folder / name for name in files), *_completed(folder)]), faults
+
+
+def _require_empty(folder: Path) -> None:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         message = "the folder is not empty, and existing files are not overwritten"
         raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, "name a new folder")])
-    written = list(_copy(CELL, folder, _name(folder)))
+
+
+def _completed(folder: Path) -> list[Path]:
+    """Write the schemas and the golden plans of a new domain."""
+    written = []
     for kind in SCHEMAS:
         written.append(folder / "schema" / f"{kind}.schema.json")
         written[-1].parent.mkdir(exist_ok=True)
@@ -25,7 +49,7 @@ def create(folder: Path) -> list[Path]:
     for comparison in list(compare_all(str(folder))):
         update(comparison)
         written.append(comparison.file)
-    return sorted(written)
+    return written
 
 
 def _name(folder: Path) -> str:

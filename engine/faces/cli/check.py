@@ -49,6 +49,7 @@ class SchemaKind(StrEnum):
     FAULTS = "faults"
     CONTACTS = "contacts"
     SCENE = "scene"
+    DEVICE = "device"
     EVENTS = "events"
 
 

@@ -26,6 +26,7 @@ VERBS = {
     "check": "check:check",
     "continue": "orders:go_on",
     "correct": "orders:correct",
+    "devices": "devices:app",
     "diagnose": "diagnose:diagnose",
     "driver": "driver:app",
     "explain": "explain:explain",

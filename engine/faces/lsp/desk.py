@@ -112,19 +112,24 @@ class Desk:
         for domain, seen in self.seen.items():
             if path in seen.read and not path.endswith((".yaml", ".yml")):
                 return domain
+        said = (*self._heads(path), *self._heads(_near(path)))
+        if path in self._domains and self._domains[path][0] == said:
+            return self._domains[path][1]
         file = self.file(path)
-        said = tuple(_DOMAIN_LINE.findall(file.text)) if file and file.kind == "problem" else ()
-        if path not in self._domains or self._domains[path][0] != said:
-            self._domains[path] = said, self._named(path) if said else _near(path)
-        return self._domains[path][1]
-
-    def _named(self, path: str) -> str:
-        """The domain that a problem names, as the loader finds it; else one near it."""
         try:
+            if file is None or file.kind != "problem":
+                return _near(path)
             with reading(self.texts):
-                return os.path.abspath(domain_of(path))
+                found = os.path.abspath(domain_of(path))
         except InvalidInput:
-            return _near(path)
+            return _near(path)  # until the loader can tell
+        self._domains[path] = said, found
+        return found
+
+    def _heads(self, path: str) -> tuple[str, ...]:
+        """The lines with which a file names itself and its domain."""
+        file = self.file(path) if path else None
+        return tuple(_DOMAIN_LINE.findall(file.text)) if file is not None else ()
 
     def index(self, path: str, file: FileIndex) -> Index:
         """The index of all files that belong to the domain of a file."""

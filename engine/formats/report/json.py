@@ -32,8 +32,9 @@ def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diag
 
 
 def diagnostic_entry(diagnostic: Diagnostic) -> dict[str, Any]:
-    """One diagnostic. Line and column count from 1; 0 means that there is none."""
+    """One diagnostic. Line and column count from 1; 0 means that there is none. `used` is where a device is used."""
     where = diagnostic.where
+    used = {} if where.used is None else {"used": str(where.used)}
     return {
         "code": diagnostic.code,
         "severity": "warning" if diagnostic.warning else "error",
@@ -42,6 +43,7 @@ def diagnostic_entry(diagnostic: Diagnostic) -> dict[str, Any]:
         "column": where.column,
         "message": diagnostic.message,
         "try": diagnostic.hint,
+        **used,
     }
 
 

@@ -23,6 +23,7 @@ from kb.loader.reader import Findings, require
 from kb.loader.tree import Node
 from kb.model.contacts import ContactModel
 from kb.model.octuples import Octuple
+from kb.targets import DEVICES
 
 MOST_PLACES = 5_000  # fully specified; they and their transitions are listed one by one
 
@@ -127,13 +128,14 @@ def generated(path: Path) -> File:
 
 
 def write_domain(target: str, folder: Path) -> tuple[Path, ...]:
-    """Write the generated domain into a folder, with its rules and problems. Returns the files. Raises `InvalidInput`.
+    """Write the generated domain into a folder, with its rules, own devices and problems. Returns the files. Raises `InvalidInput`.
 
     Files that are there are not overwritten.
     """
     path = domain_of(target)
     texts = {Path(path.name): generated(path).text}
-    for each in sorted((*path.parent.glob("*.lp"), *problem_files(path))):
+    devices = (each for each in (path.parent / DEVICES).rglob("*") if each.is_file())
+    for each in sorted((*path.parent.glob("*.lp"), *devices, *problem_files(path))):
         texts[each.relative_to(path.parent)] = read_file(each).text
     there = [folder / name for name in texts if (folder / name).exists()]
     if there:

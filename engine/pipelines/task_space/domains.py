@@ -1,6 +1,7 @@
 """The planning domain of a net: the domain beside the contact model with its processes, and generated operators for the rest.
 
-The text of the domain file is kept; only operators that are no processes go, and lines are added to its sections.
+The text of the domain file is kept; only operators that are no processes go, and lines are added to its sections. Operators of
+devices that are no processes are listed under `without`.
 """
 
 from collections.abc import Iterator
@@ -14,10 +15,10 @@ from kb.diagnostics import Diagnostic, InvalidInput
 from kb.files import File, read_file
 from kb.loader.tree import Node, read_tree
 from kb.model.contacts import ConditionKind, ContactModel
-from kb.model.domain import Domain
+from kb.model.domain import Domain, Operator
 from kb.model.octuples import Octuple, variable
 
-LISTS = ("defaults", "deductive_operators")
+LISTS = ("defaults", "deductive_operators", "without")
 SECTIONS = (
     "types",
     "functions",
@@ -27,6 +28,7 @@ SECTIONS = (
     "defaults",
     "operators",
     "deductive_operators",
+    "without",
 )
 Lines = dict[str, list[str]]
 
@@ -45,8 +47,14 @@ def domain_file(model: ContactModel, net: Net, domain: Domain) -> File:
     _gauges(model, lines)
     lines["deductive_operators"] += _deduction(model, vocabulary)
     lines["defaults"] += [*_start(model, vocabulary), "void(Anchor)"]
+    lines["without"] = [each.name for each in domain.operators if _is_dropped_device(each, model)]
     file = read_file(Path(domain.path))
     return File.of(file.path, _Edited(file, model.processes).text(lines))
+
+
+def _is_dropped_device(operator: Operator, model: ContactModel) -> bool:
+    """Whether an operator comes from a device, so that it is not in the text, and is no process."""
+    return operator.where.used is not None and operator.name not in model.processes
 
 
 def _unique(found: Iterator[OperatorText]) -> Iterator[OperatorText]:

@@ -18,6 +18,7 @@ from kb.loader.quantities import ANGLE, LENGTH, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.references import domain_of
 from kb.loader.tree import Node, read_file
+from kb.loader.uses import composed_beside
 from kb.model.cell import (
     WORLD,
     ZONE_SPEED_M_S,
@@ -33,7 +34,7 @@ from kb.model.cell import (
 )
 from kb.model.sensors import Sensor
 from kb.model.shapes import Sphere
-from kb.targets import CELL_FILE
+from kb.targets import CELL_FILE, DOMAIN_FILE
 
 
 def load_cell(path: Path) -> Cell:
@@ -56,6 +57,7 @@ def cell_of(target: str) -> Cell:
 def read_cell(path: Path, findings: Findings) -> Cell:
     """The cell in a file. Errors are added to `findings`. Raises `InvalidInput` if the file does not have the form of a cell."""
     reader = Reader.of(read_file(path), findings)
+    composed_beside(reader, path.with_name(DOMAIN_FILE), "cell")
     if not validate_shape(reader, "cell"):
         require(findings)
     return _CellReader(reader, quantities_of(reader, path.parent), Frames(findings)).cell(str(path))

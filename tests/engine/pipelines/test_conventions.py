@@ -36,9 +36,16 @@ priority(probe_1, 2).
 """
 
 
+DEVICES = {"bulkhead": ("measuring", "tool_rack", "ultrasonic_tool", "laser_tool")}
+
+
 def cell(folder: Path, bundled: str, statics: Collection[str], rules: str = "") -> Path:
     """A copy of a bundled domain that declares some more conventions."""
     shutil.copytree(BUNDLED / bundled, folder)
+    for device in DEVICES.get(bundled, ()):  # their files are renamed, too
+        head = shutil.copytree(BUNDLED / "devices" / device, folder / "devices" / device) / "device.yaml"
+        kept = head.read_text("utf-8").replace("conventions:\n  position: $position\n", "")
+        head.write_text(kept, "utf-8")  # the domain itself says what it calls them
     domain, facts = folder / "domain.yaml", folder / "rules.lp"
     declared = "".join(
         f"  {CONVENTIONS[role].written().replace('place', 'object')}: {{}}\n" for role in statics
@@ -50,7 +57,7 @@ def cell(folder: Path, bundled: str, statics: Collection[str], rules: str = "") 
 
 def rename(folder: Path, roles: Collection[str]) -> None:
     """Another name for each convention, in every file of a domain."""
-    key = "(?:(?<=nominal)|(?<=tolerance)):"  # of the part `measures` of a command
+    key = r"(?:(?<=nominal)|(?<=tolerance)|(?<=\nneeds)):"  # of the part `measures` of a command; ports of a device
     words = re.compile(
         rf"(?<!\w)(?<!ends: )({'|'.join(roles)})(?!\w)(?!{key})"
     )  # where a step of a cell ends

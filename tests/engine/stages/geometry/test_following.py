@@ -1,5 +1,6 @@
 """Bodies are where the facts of a state say, in the bundled cells and in files that get it wrong."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import InvalidInput
 from kb.loader import bundled, load_domain, load_problem
 from kb.loader.cell import load_cell
+from kb.targets import bundled_devices
 from kb.terms import Atom, Function, Number
 
 
@@ -158,6 +160,11 @@ def test_a_location_that_means_nothing_is_told(entry: str, code: str, said: str,
 @pytest.mark.parametrize(("old", "code"), [("at(Item, Place)", "K101"), ("at(Item, mars_gripper)", "K102")])
 def test_a_location_that_the_domain_does_not_know_is_told(old: str, code: str, tmp_path: Path) -> None:
     new = {"K101": "in(Item, Place)", "K102": "at(Item, mars_gripper, now)"}[code]
-    text = (bundled()["themse"] / "cell.yaml").read_text().replace(f"{old}: {{body", f"{new}: {{body")
-    (tmp_path / "cell.yaml").write_text(text)
-    assert {each.code for each in check_cell(tmp_path / "cell.yaml", load_domain("themse"))} == {code}
+    cell = shutil.copytree(bundled()["themse"], tmp_path / "themse") / "cell.yaml"
+    device = (
+        shutil.copytree(bundled_devices()["gripper"], tmp_path / "themse" / "devices" / "gripper")
+        / "cell.yaml"
+    )
+    was, becomes = (each.replace("mars_gripper", "$hand") for each in (old, new))
+    device.write_text(device.read_text().replace(f"{was}: {{body", f"{becomes}: {{body"))
+    assert {each.code for each in check_cell(cell, load_domain("themse"))} == {code}

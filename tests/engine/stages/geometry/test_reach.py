@@ -1,6 +1,7 @@
 """Which places an arm reaches, on cells made up here and on the bundled ones."""
 
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from kb.loader.arm import bundled_arms, load_arm
 from kb.loader.cell import load_cell
 from kb.model.cell import Arm, Body, BodyKind, Cell, MountedArm, Place, Placement
 from kb.model.shapes import Box, PlacedShape, Pose
+from kb.targets import bundled_devices
 
 BACKEND = BuiltinBackend()
 TOOL = Pose((0.0, 0.02, 0.1), (0.1, 0.2, 0.3))
@@ -148,12 +150,12 @@ def test_a_place_that_the_domain_does_not_know_is_told(tmp_path: Path) -> None:
 
 
 def test_a_depot_of_some_problem_without_a_pose_is_told(tmp_path: Path) -> None:
-    for file in ("domain.yaml", "rules.lp", "sensors.lp", "cell.yaml", "problems/furnace_of_two.yaml"):
+    for file in ("domain.yaml", "rules.lp", "cell.yaml", "problems/furnace_of_two.yaml"):
         (tmp_path / file).parent.mkdir(exist_ok=True)
         (tmp_path / file).write_text((bundled()["themse"] / file).read_text("utf-8"), "utf-8")
     assert codes(tmp_path) == set()
-    text = (tmp_path / "cell.yaml").read_text("utf-8")
-    (tmp_path / "cell.yaml").write_text(text.replace("slot(furnace, 2)", "slot(furnace, 3)"), "utf-8")
+    furnace = shutil.copytree(bundled_devices()["furnace"], tmp_path / "devices" / "furnace") / "cell.yaml"
+    furnace.write_text(furnace.read_text("utf-8").replace("slot($name, 2)", "slot($name, 3)"), "utf-8")
     (found,) = [each for each in checking.check(str(tmp_path)).diagnostics if each.code == "K705"]
     assert found.message == "no configuration reaches slot(furnace, 2): it has no place"
     assert found.warning

@@ -1,0 +1,144 @@
+"""A domain that is put together from devices: it plans, runs in simulation, fails and recovers at once."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.files import File
+from kb.loader.uses import Device, Use, all_devices, uses_in
+from kb.targets import DOMAIN_FILE
+
+STORES = ("rack", "drawer")  # where probes are at the start
+PROBES = ("probe_1", "probe_2")
+TRAVEL = "include: [rules.lp]\nstatics:\n  travel(target, target, time): {}\n"
+WAYS = """% How long the arm takes from place to place. With the positions of all places, leave this out: see "motion" in the
+% reference of the language.
+travel(A, B, 4) :- visited(A), visited(B), A != B.
+"""
+ORDINALS = ("", "second_", "third_", "fourth_", "fifth_")
+HEAD = """# yaml-language-server: $schema=schema/{kind}.schema.json
+"""
+
+
+def texts(folder: Path, name: str, devices: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """The files of a domain with these devices, by their path in the folder, and faults to try. Raises `InvalidInput`.
+
+    A gripper and a rack are added where something needs a hand or a place for the probes.
+    """
+    complete = _complete(folder, _numbered(devices))
+    domain = _domain(folder, name, complete)
+    uses = uses_in(File.of(str(folder / DOMAIN_FILE), domain))
+    stored = {
+        "domain.yaml": domain,
+        "faults.yaml": _faults(name),
+        "problems/first.yaml": _problem(name, uses),
+    }
+    if "measuring" in complete:
+        stored |= {"domain.yaml": domain + TRAVEL, "rules.lp": WAYS}
+    return stored, [example["fault"] for use in uses if "fault" in (example := use.example())]
+
+
+def _numbered(devices: Sequence[str]) -> dict[str, str]:
+    """The device of each use: the second furnace is called second_furnace. Raises `InvalidInput` if there are too many."""
+    found: dict[str, str] = {}
+    for each in devices:
+        count = sum(1 for other in found.values() if other == each)
+        if count == len(ORDINALS):
+            hint = "write further ones into the domain: each has a name under `use:`"
+            raise InvalidInput(
+                [Diagnostic(Source("--with"), "K406", f"more than {count} devices '{each}'", hint)]
+            )
+        found[ORDINALS[count] + each] = each
+    return found
+
+
+def _complete(folder: Path, uses: dict[str, str]) -> dict[str, str]:
+    """The uses with what they need: a hand and a place for probes, or a rack for tools."""
+    known = {each.name: each for each in all_devices(folder)}
+    wrong = [
+        unknown_name("device", each, known, Source("--with")) for each in uses.values() if each not in known
+    ]
+    if wrong:
+        raise InvalidInput(wrong)
+    used = {device for each in uses.values() for device in _below(each, known)}
+    added = ["measuring", "tool_rack"] if "measuring" in used else []
+    if "holding" in used or not added:
+        added += [] if any("hand" in known[each].offers for each in uses.values()) else ["gripper"]
+        added += [] if any(each in STORES for each in uses.values()) else [STORES[0]]
+    return {**{each: each for each in added}, **uses}
+
+
+def _below(device: str, known: Mapping[str, Device]) -> Iterator[str]:
+    """A device and all that it uses."""
+    yield device
+    for name in known[device].uses:
+        yield from _below(name, known)
+
+
+def _domain(folder: Path, name: str, uses: dict[str, str]) -> str:
+    """The domain file. Where several devices could fill a port, the first one does."""
+    known = {each.name: each for each in all_devices(folder)}
+    lines = []
+    for use, device in uses.items():
+        given = [f"device: {device}"] if use != device else []
+        for port in known[device].needs:
+            able = [other for other, each in uses.items() if port in known[each].offers and other != use]
+            if len(able) > 1:
+                offer = known[uses[able[0]]].offers[port].lstrip("$")
+                plain = able[0] == uses[able[0]]
+                value = able[0] if offer == "name" else offer if plain else f"{able[0]}_{offer}"
+                given.append(f"{port}: {value}")
+        lines.append(f"  {use}: {{{', '.join(given)}}}\n")
+    return (
+        HEAD.format(kind="domain")
+        + "# What each device is, and which parameters it has: `cellwright devices show NAME`.\n"
+        + f"domain: {name}\nuse:\n{''.join(lines)}units: {{time: s}}\n"
+    )
+
+
+def _faults(name: str) -> str:
+    said = "# The devices say what can go wrong. Here comes what only this cell knows.\n"
+    return f"{HEAD.format(kind='faults')}{said}faults: {name}\nstop: 900                 # a person comes\n"
+
+
+def _problem(name: str, uses: Sequence[Use]) -> str:
+    """One probe goes through every device and back; a second one goes with it where two are needed."""
+    store = next((use.name for kind in STORES for use in uses if use.device.name == kind), "")
+    examples = [use.example() for use in uses if use.name != store]
+    objects = [f"probe: [{', '.join(PROBES)}]"] if store else []
+    measured = [each["objects"].split(": ")[1] for each in examples if "objects" in each]
+    objects += [f"measurement: [{', '.join(measured)}]"] if measured else []
+    homes = [f"own_depot({each}, slot({store}, {n}))" for n, each in enumerate(PROBES, 1) if store]
+    return "\n".join(
+        [
+            f"# yaml-language-server: $schema=../schema/problem.schema.json\nproblem: first\ndomain: {name}",
+            *_section("objects", [f"  {each}" for each in objects]),
+            *_section("statics", _items([*homes, *_said(examples, "static")])),
+            *_section(
+                "initial",
+                _items(each.replace("(P,", f"({PROBES[0]},") for each in _said(examples, "initial")),
+            ),
+            *_section("goals", _items(_said(examples, "goal"))),
+            *_section("workflow", list(_chains(store, examples)) if store else []),
+            "",
+        ]
+    )
+
+
+def _said(examples: Iterable[dict[str, str]], key: str) -> list[str]:
+    return [each[key] for each in examples if key in each]
+
+
+def _items(entries: Iterable[str]) -> list[str]:
+    return [f"  - {each}" for each in entries]
+
+
+def _section(name: str, lines: list[str]) -> list[str]:
+    return [f"{name}:", *lines] if lines else []
+
+
+def _chains(store: str, examples: Sequence[dict[str, str]]) -> Iterator[str]:
+    first = _said(examples, "stage") or [f"at(P, slot({store}, 3))"]
+    together = _said([each for each in examples if each.get("probes") == "2"], "stage")
+    for probe, stages in zip(PROBES, (first, together), strict=True):
+        yield f"  - for: {{P: [{probe}]}}\n    stages: {', '.join([*stages, 'stored(P)'])}"

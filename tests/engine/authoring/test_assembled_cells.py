@@ -1,0 +1,80 @@
+"""Cells put together from devices plan, run in the simulated cell, fail and recover: each device alone, and any of them together."""
+
+import json
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from engine.authoring.starter import create_with
+from engine.faces.cli import app
+from kb.diagnostics import InvalidInput
+from kb.loader.uses import all_devices
+
+DEVICES = [
+    "balance",
+    "barcode_reader",
+    "capper",
+    "centrifuge",
+    "conveyor",
+    "dispenser",
+    "drawer",
+    "freezer",
+    "furnace",
+    "laser_tool",
+    "person",
+    "rack",
+    "tool_rack",
+    "ultrasonic_tool",
+]
+TOGETHER = [tuple(random.Random(seed).choices(DEVICES, k=2 + seed % 4)) for seed in range(12)]
+
+
+def answer(*arguments: object) -> tuple[int, dict[str, Any]]:
+    result = CliRunner().invoke(app, [*map(str, arguments), "--format", "json"])
+    data: dict[str, Any] = json.loads(result.stdout)["data"]
+    return result.exit_code, data
+
+
+def assert_all_works(folder: Path, devices: tuple[str, ...]) -> None:
+    """Nothing is wrong with the cell, it runs, and after each fault that its devices propose the goals are still reached."""
+    _, faults = create_with(folder, devices)
+    assert answer("check", folder)[0] == 0
+    problem = folder / "problems" / "first.yaml"
+    assert answer("run", problem)[0] == 0
+    steps = {step["operator"].partition("(")[0] for step in answer("plan", problem)[1]["plan"]["steps"]}
+    tried = [each for each in faults if each.partition("=")[0] in steps]
+    assert tried or not faults
+    for fault in tried:
+        code, ran = answer("run", problem, "--fault", fault)
+        assert (fault, code) == (fault, 0)
+        assert ran["exceptions"] == 1
+
+
+def test_a_cell_of_two_furnaces_fails_and_recovers(tmp_path: Path) -> None:
+    assert_all_works(tmp_path / "cell", ("furnace", "furnace"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("device", DEVICES)
+def test_each_device_alone_makes_a_cell(tmp_path: Path, device: str) -> None:
+    assert_all_works(tmp_path / "cell", (device,))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("devices", TOGETHER, ids="+".join)
+def test_any_devices_make_a_cell_together(tmp_path: Path, devices: tuple[str, ...]) -> None:
+    assert_all_works(tmp_path / "cell", devices)
+
+
+def test_the_devices_tried_are_those_that_there_are(tmp_path: Path) -> None:
+    shared = {"holding", "closing", "measuring", "gripper"}
+    assert {each.name for each in all_devices(tmp_path)} - shared == set(DEVICES)
+
+
+def test_an_unknown_device_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="unknown device 'furnance'"):
+        create_with(tmp_path / "cell", ["furnance"])
+    assert not (tmp_path / "cell").exists()
