@@ -243,26 +243,14 @@ def themse(probes: int, work: Path) -> dict[str, Any]:
 
 
 def two_handed(probes: int, hands: int, work: Path) -> Path:
-    """THEMSE with so many probes, depots and grippers, in a folder; the problem file. It has no sensors."""
-    work.mkdir(parents=True, exist_ok=True)
+    """THEMSE with so many probes, depots and grippers, in a folder; the problem file. It has no sensors.
+
+    Its devices are copied: what the one hand does in them, any hand does.
+    """
+    for name in ("drawer", "freezer", "furnace", "gripper"):
+        handed(TOP / "domains/devices" / name, work / "devices" / name)
     domain = yaml.safe_load((TOP / "domains/themse/domain.yaml").read_text())
-    for section in ("commands", "derived"):
-        kept = {name: each for name, each in domain[section].items() if name == "accessible(place)"}
-        domain[section] = kept
     del domain["commands"]
-    domain["include"] = ["rules.lp"]
-    operators = {}
-    for name, each in domain["operators"].items():
-        text = json.dumps(each)
-        if name.startswith("sense"):
-            continue
-        if "mars_gripper" in text:
-            head, _, rest = name.partition("(")
-            name = f"{head}(Hand, {rest}" if rest else f"{head}(Hand)"
-            each = {**json.loads(text.replace("mars_gripper", "Hand")), "types": {"Hand": "gripper"}}
-            each["command"] = {"stream": f"arm({name})", "reply": "done"}
-        operators[name] = each
-    domain["operators"] = operators
     names = ["mars_gripper", "second_gripper"][:hands]
     domain["objects"] |= {"gripper": names, "probe": [f"probe_1..{probes}"]}
     (work / "domain.yaml").write_text(json.dumps(domain, indent=1))
@@ -276,6 +264,29 @@ def two_handed(probes: int, hands: int, work: Path) -> Path:
     asked = {"problem": "probes", "domain": "themse", "statics": statics, "workflow": [stages]}
     (work / "problem.yaml").write_text(json.dumps(asked, indent=1))
     return work / "problem.yaml"
+
+
+def handed(device: Path, to: Path) -> None:
+    """A copy of a device in which each operator of the hand has the hand as its first argument, and which has no sensors."""
+    to.mkdir(parents=True, exist_ok=True)
+    text = yaml.safe_load((device / "device.yaml").read_text())
+    for section in ("derived", "events") if text["device"] == "gripper" else ():
+        del text[section]
+    operators = {}
+    for name, each in text["operators"].items():
+        if name.startswith("$sense"):
+            continue
+        if "$hand" in json.dumps(each):
+            head, _, rest = name.partition("(")
+            name = f"{head}(Hand, {rest}" if rest else f"{head}(Hand)"
+            each = {**json.loads(json.dumps(each).replace("$hand", "Hand")), "types": {"Hand": "gripper"}}
+            each["command"] = {"stream": f"arm({name})", "reply": "done"}
+        operators[name] = each
+    text["operators"] = operators
+    text.pop("commands", None)
+    (to / "device.yaml").write_text(json.dumps(text, indent=1))
+    rules = (device / "rules.lp").read_text().splitlines()
+    (to / "rules.lp").write_text("\n".join(each for each in rules if not each.startswith("shows(")) + "\n")
 
 
 def moving(name: str) -> tuple[Moving, Walk]:

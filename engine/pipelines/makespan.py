@@ -7,7 +7,14 @@ from engine.model.outcome import Found, GaveUp, Infeasible
 from engine.model.schedule import Timetable
 from engine.model.task import Task
 from engine.pipelines.gate import accepted
-from engine.pipelines.timetable import by_other_means, keeping, own_order, timed
+from engine.pipelines.timetable import (
+    by_other_means,
+    keeping,
+    own_order,
+    plan_without_spares,
+    timed,
+    value_of,
+)
 from engine.pipelines.timetable.kept import LONG
 from engine.pipelines.timetable.orders import least_makespan
 from engine.stages.planning import Limits
@@ -36,11 +43,14 @@ def fastest(
         return _judged(own, bound), None
     plans = list(_plans(problem, task, outcome, limits))
     made = [timed(problem, task, each, work) for each in plans]
+    if isinstance(made[0], Timetable):
+        fewer = plan_without_spares(problem, task, outcome, made[0], limits)
+        made += [] if fewer is None else [timed(problem, task, fewer, work)]
     choosing = replace(work, work=min(work.work / 6, CHOOSING))
     made += [each for each in [by_other_means(problem, task, plans, choosing, bound)] if each is not None]
     found = [own, *(each for each in made if isinstance(each, Timetable))]
     refused = next((each for each in made if not isinstance(each, Timetable)), None)
-    return _judged(min(found, key=_value), bound), refused
+    return _judged(min(found, key=value_of), bound), refused
 
 
 def _judged(made: Timetable, bound: int) -> Timetable:
@@ -48,13 +58,6 @@ def _judged(made: Timetable, bound: int) -> Timetable:
     if made.schedule.makespan > bound or made.schedule.tardiness:
         return made
     return replace(made, schedule=replace(made.schedule, lower_bound=bound, proved=True), scope=PLANS)
-
-
-def _value(made: Timetable) -> tuple[int, ...]:
-    """What timetables are compared by; one that keeps to all that is wished comes first, the best proved one last."""
-    schedule = made.schedule
-    best = made.unwatched, schedule.tardiness, schedule.makespan
-    return *best, made.plan.cost, len(made.plan.steps), -schedule.lower_bound
 
 
 def _plans(problem: Problem, task: Task, outcome: Found, limits: Limits) -> Iterator[Plan]:

@@ -21,6 +21,7 @@ from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import plan_in, planned, problem_of
 from engine.pipelines.timetable.kept import LONG, kept
 from engine.pipelines.timetable.orders import Steps, in_its_order
+from engine.pipelines.timetable.spares import with_one_of_each
 from engine.pipelines.timetable.wishes import wishes_for
 from engine.pipelines.timetable.wishes import wishes_of as wishes_of
 from engine.stages.grounding import ground
@@ -68,12 +69,39 @@ def timetable(
     made = timed(problem, task, outcome.plan, limits)
     if not isinstance(made, Timetable):
         return made
+    if plan is None:
+        made = _without_spares(problem, task, outcome, made, planning, limits)
     seconds = {
         "planning": before - started,
         **made.statistics.seconds,
         "in all": time.perf_counter() - started,
     }
     return replace(made, statistics=Statistics(made.statistics.counts, seconds))
+
+
+def _without_spares(
+    problem: Problem, task: Task, outcome: Found, made: Timetable, planning: Limits, limits: ScheduleLimits
+) -> Timetable:
+    """The timetable of a plan that does without spare means, if it is better than the one that was made."""
+    fewer = plan_without_spares(problem, task, outcome, made, planning)
+    other = made if fewer is None else timed(problem, task, fewer, limits)
+    return other if isinstance(other, Timetable) and value_of(other) < value_of(made) else made
+
+
+def plan_without_spares(
+    problem: Problem, task: Task, outcome: Found, made: Timetable, planning: Limits
+) -> Plan | None:
+    """A plan that does without spare means; None if the one that was found is cut into blocks, or has the least makespan."""
+    if made.scope == BLOCKS or made.schedule.proved:
+        return None
+    return with_one_of_each(problem, task, outcome, planning)
+
+
+def value_of(made: Timetable) -> tuple[int, ...]:
+    """What timetables are compared by; one that keeps to all that is wished comes first, the best proved one last."""
+    schedule = made.schedule
+    best = made.unwatched, schedule.tardiness, schedule.makespan
+    return *best, made.plan.cost, len(made.plan.steps), -schedule.lower_bound
 
 
 def timed(

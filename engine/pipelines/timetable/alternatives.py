@@ -4,7 +4,9 @@ A search looks at costs, so it is content with one arm where two could share the
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from functools import reduce
+from operator import or_
 
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset
@@ -35,6 +37,28 @@ def alternatives(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> It
                 variants[other.instance] += 1
                 wanted[other] = max(number, wanted[other])
     return wanted.elements()
+
+
+def exchangeable(task: Task, instances: Iterable[Atom]) -> Iterator[tuple[Term, Term]]:
+    """Pairs of means of which the first does one of these instances, and the second can do the same in its place."""
+    means = _means(task, reduce(or_, task.goals, 0))
+    own: dict[tuple[object, ...], set[Atom]] = {}
+    for each in instances:
+        own.setdefault(_without(each, means), set()).add(each)
+    for operator in task.operators:
+        for each in own.get(_without(operator.instance, means), ()):
+            if _alike(each, operator.instance, means):
+                pairs = zip(each.arguments, operator.instance.arguments, strict=True)
+                yield from ((a, b) for a, b in pairs if a != b and b in operator.resources)
+
+
+def _without(instance: Atom, means: frozenset[Term]) -> tuple[object, ...]:
+    """What two instances that are alike have in common."""
+    numbers = (isinstance(each, Number) for each in instance.arguments)
+    return instance.name, *(
+        number or (None if each in means else each)
+        for each, number in zip(instance.arguments, numbers, strict=True)
+    )
 
 
 def _means(task: Task, goals: Bits) -> frozenset[Term]:

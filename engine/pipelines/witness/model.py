@@ -23,6 +23,8 @@ RIGID = 'solref="0.008 1" solimp="0.99 0.999 0.0001"'  # how a body follows anot
 GRIP_N = 80.0  # greatest force of a body's own drive
 DENSITY = 700.0  # kg/m^3 where no mass is given: housings are hollow
 FRICTION = 0.8
+# How much stiffer friction is than what presses: with soft friction, what is gripped creeps, at a speed that falls as this grows.
+STICKS = 30
 TWIST = "0.02 0.0001"  # m: friction against turning on a spot as wide as a finger's pad, and against rolling
 FIRM = (
     'solref="0.004 1" solimp="0.95 0.99 0.0005"'  # how contacts give way: as little as the time step allows
@@ -35,7 +37,7 @@ def written(world: World) -> str:
     tree = "\n".join(writer.standing("world"))
     return f"""<mujoco model={quoteattr(world.cell.name)}>
 <compiler angle="radian" autolimits="true" boundmass="0.01" boundinertia="0.0001"/>
-<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" jacobian="sparse"><flag sleep="enable"/></option>
+<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="{STICKS}" jacobian="sparse"><flag sleep="enable"/></option>
 <default><geom density="{DENSITY}" friction="{FRICTION} {TWIST}" condim="4" {FIRM}/></default>
 <asset>
 {chr(10).join(writer.meshes)}
