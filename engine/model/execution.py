@@ -168,7 +168,7 @@ class RecordKind(StrEnum):
     DECISION: what, why: a choice of the executive between alternatives.
     PHASE: phase, why.
     CHECKPOINT: state: from here a resumed run can go on without reading older records; or rest: what is left of a long plan,
-          as in PLAN, before the checkpoint that refers to it.
+          as in PLAN, before the checkpoint that refers to it; more steps of it are in so many records before (pages).
     END: outcome (reached, partly, stopped, aborted, paused), why, goals, open_goals, given_up [[goal, why]], makespan_ms.
     """
 

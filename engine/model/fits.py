@@ -35,12 +35,14 @@ PARAMETERS: dict[Shape, tuple[str, ...]] = {
 class Cloud:
     """Measured points (n, 3), and the standard deviation (n,) of each.
 
-    `directions` (n, 3), unit vectors, are the beams along which the deviations count; None: they count in every direction.
+    `directions` (n, 3), unit vectors, are the beams along which the deviations count; None: they count in every direction. `beam_m` (n,) is
+    the standard deviation of the intensity across each beam, where it is wide enough to matter.
     """
 
     points: Floats
     sigma_m: Floats
     directions: Floats | None = None
+    beam_m: Floats | None = None
 
 
 def unusable(points: Floats, sigma_m: Floats) -> str | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from kb.diagnostics import NOWHERE, Source
+from kb.model.ranging import Ranging
 from kb.model.sensors import Sensor
 from kb.model.shapes import HERE, Offsets, PlacedShape, Pose, Shape, Vector
 from kb.terms import Atom, Function, Term
@@ -268,7 +269,7 @@ class Measuring:
 
     `approach_m` is how far it backs off along its z, `touches` are the bodies that it may touch. `tilts_rad` are the angles to
     the normal that are allowed, those that are preferred first. `field_m` is the width of what a scanner sees, `patch_m` the
-    least and the greatest side of a patch.
+    least and the greatest side of a patch. `ranging` is what a laser ranging tool is like.
     """
 
     approach_m: float = 0.0
@@ -277,6 +278,7 @@ class Measuring:
     field_m: float = 0.0
     patch_m: tuple[float, float] = (0.0, 0.0)
     sight: Sight | None = None
+    ranging: Ranging | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -140,6 +140,27 @@ class SightEntry(Strict):
     back: Quantity = Field("0", description="how far the tool is back along its z while it looks")
 
 
+class RangingEntry(Strict):
+    """A laser ranging tool: its picture, its modulated light, and how it errs."""
+
+    eye: str = Field(description="the feature of the tool that it looks from, along z")
+    pixels: Annotated[list[Annotated[int, Field(ge=4, le=2048)]], Field(min_length=2, max_length=2)] = Field(
+        description="the width and the height of the picture in pixels"
+    )
+    view: Quantity = Field(description="the angle that the width of the picture spans")
+    wavelength: Quantity = Field(description="of the modulation: ranges are known modulo half of it")
+    noise: Quantity = Field(
+        description="the standard deviation of a range at the distance `at`, square to the beam"
+    )
+    at: Quantity = Field(description="the distance that `noise` holds at")
+    beam: Quantity = Field(description="the full divergence of the beam, an angle")
+    pointing: Quantity = Field("0", description="the standard deviation of the beam's direction, an angle")
+    grazing: Quantity = Field(
+        "80 deg", description="at the distance `at`, a surface seen flatter than this gives no answer"
+    )
+    dropouts: Quantity = Field("0", description="the share of pixels without an answer")
+
+
 class MeasuringEntry(Strict):
     """How a tool takes a measurement that has a position, but no place of its own."""
 
@@ -154,6 +175,7 @@ class MeasuringEntry(Strict):
         None, description="the least and the greatest side of a patch in the picture of a scanner"
     )
     sight: SightEntry | None = Field(None, description="from where a scanner must see the patch")
+    ranging: RangingEntry | None = Field(None, description="what a laser ranging tool is like")
 
 
 class SensorEntry(Strict):

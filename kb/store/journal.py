@@ -153,10 +153,11 @@ class Journal(Database):
             rows = connection.execute(select(runs).order_by(runs.c.begun, runs.c.run)).all()
         return tuple(Begun(run, begun, _content(self.target, text)) for run, begun, text in rows)
 
-    def last(self, run: str, kind: str = "") -> int:
-        """The number of the last line, or of the last one of a kind; 0 if there is none."""
+    def last(self, run: str, kind: str = "", before: int | None = None) -> int:
+        """The number of the last line, or of the last one of a kind, or `before` another one; 0 if there is none."""
         asked = select(lines.c.number).where(lines.c.run == run)
         asked = asked.where(lines.c.kind == kind) if kind else asked
+        asked = asked.where(lines.c.number < before) if before is not None else asked
         asked = asked.order_by(lines.c.number.desc()).limit(1)  # read from the end: a maximum would read all
         with transaction(self._engine, self.target) as connection:
             return int(connection.execute(asked).scalar() or 0)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
 from click.testing import Result
@@ -16,8 +17,11 @@ from typer.testing import CliRunner
 
 from engine.authoring.starter import create
 from engine.faces.cli import app, exits
+from engine.formats.interop.range_files import write_ranges
 from engine.formats.interop.results import ResultForm
 from engine.formats.interop.results import written as written_results
+from engine.stages.vision.ranging import of_depths
+from kb.model.ranging import Ranging
 from kb.model.results import Measured, Results
 
 TOP = Path(__file__).parents[2]
@@ -63,6 +67,7 @@ PLACEHOLDERS = {
     "UPPER": "upper.csv",
     "JOB": "block.yaml",
     "RESULTS": "results.csv",
+    "IMAGE": "image.npz",
 }
 ANSWERS = {0, exits.INFEASIBLE}
 # Others of the same verbs run quickly.
@@ -133,6 +138,8 @@ def measure(folder: Path) -> None:
         block.append(f"m{n},{place[0]},{place[1]},{place[2]},{n % 3 == 0:d},{n % 3 == 1:d},{n % 3 == 2:d}")
     (folder / "block.csv").write_text("\n".join(block))
     measured = Results("block", "", tuple(Measured(f"m{n}", "profile", 0.0, "um") for n in range(12)))
+    tool = Ranging("laser", 240, 240, 0.6, 0.3, 5e-5, 0.5, 0.0024)
+    write_ranges(folder / "image.npz", of_depths(np.full((240, 240), 0.5), tool))
     (folder / "results.csv").write_text(written_results(measured, ResultForm.CSV))
     with contextlib.chdir(folder):
         run("cellwright import csv block.csv --output block.yaml")

@@ -8,6 +8,7 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.fitting import align, fit
+from engine.faces.cli.imaging import dimensions, image, recognise
 from engine.faces.cli.options import Format, Target
 
 if TYPE_CHECKING:
@@ -78,6 +79,9 @@ app.command("edit")(
 
 app.command("fit")(fit)
 app.command("align")(align)
+app.command("image")(image)
+app.command("dimensions")(dimensions)
+app.command("recognise")(recognise)
 
 
 @app.command()

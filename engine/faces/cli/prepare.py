@@ -114,6 +114,7 @@ def _text(found: "Preparation") -> "RenderableType":
     for each in found.problems:
         found_it = each.status == "found"
         said = origin(each.origin, each.macrop, each.name, each.reason).plain if found_it else each.reason
+        said = "It follows its sequence." if found_it and each.origin == "sequence" else said
         last = [_sequence_said(each.sequence)] if sequenced else []
         last += [_poses_said(each.poses)] if posed else []
         rows.append((each.problem, each.status, said, *last))

@@ -1,25 +1,29 @@
 """Checkpoints: records from which a run is taken up without reading what was written before them.
 
-A checkpoint says how far the plan is. When half of the steps are done that the journal holds of a long plan, a record before it
-holds those that are left, so what has to be read depends on what is left to do, not on how long the journal is. What was done
+A checkpoint says how far the plan is. When a third of the steps is done that the journal holds of a long plan, records before it
+hold those that are left, page by page, so what has to be read depends on what is left to do, not on how long the journal is. What was done
 before, and may matter to the fault base, is in the chain of the checkpoints.
 """
 
 from collections.abc import Iterable, Iterator
 from functools import partial
+from itertools import islice
 from typing import Any
 
 from engine.model.execution import Record, RecordKind
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.records import compiled_of, read_atom, steps_entry
+from engine.pipelines.execution.records import compiled_of, order_entry, read_atom, step_entries
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.simulation import Achievement, SymbolicWorld
 from engine.pipelines.simulation.world import achievement
 from engine.stages.execution.outlook import Accuracy
+from kb.cycles import no_search_for_cycles
 from kb.store.journal import Journal, Line
 
-LONG = 1_000  # steps of a plan that is written anew when half of it is done
+LONG = 1_000  # steps of a plan that is written anew when a part of it is done
+PART = 3  # one of so many; all that is written so is at most twice the plan
+PAGE = 1_000  # steps in a record
 
 
 def state_of(course: Progress) -> dict[str, Any]:
@@ -45,20 +49,25 @@ def state_of(course: Progress) -> dict[str, Any]:
     }
 
 
-def rest_of(course: Progress) -> dict[str, Any] | None:
-    """What is left of a long plan, as the record of a plan has it, and the number of the record that has all of it.
+def rest_of(course: Progress) -> Iterator[dict[str, Any]]:
+    """What is left of a long plan, page by page; nothing as long as most of what the journal holds of it is left.
 
-    None as long as more than half of what the journal holds of it is left, so all that is written so is as much as the plan.
+    The last page is as the record of a plan, with the number of the record that has all of it, and how many pages are before it.
     """
-    if not 2 * len(course.written.done) >= course.written.steps >= LONG:
-        return None
+    if not PART * len(course.written.done) >= course.written.steps >= LONG:
+        return
     ended = {
         dwell.source: until - dwell.most_ms
         for dwell, until in course.standing.dwelling.items()
         if dwell.source in course.done
     }
     head = {"whole": course.written.number, **course.written.head}
-    return {**head, **steps_entry(course.compiled, course.done, ended)}
+    left, pages = step_entries(course.compiled, course.done), 0
+    page = list(islice(left, PAGE))
+    while following := list(islice(left, PAGE)):
+        yield {"steps": page}
+        page, pages = following, pages + 1
+    yield {**head, "steps": page, "pages": pages, **order_entry(course.compiled, course.done, ended)}
 
 
 def _work_entry(work: Achievement) -> list[Any]:
@@ -81,13 +90,22 @@ def ranges(numbers: Iterable[int]) -> Iterator[tuple[int, int]]:
 
 def past_of(journal: Journal, run: str, past: Past) -> Past:
     """What the journal says of a run, from its last checkpoint on if it has one."""
-    number = journal.last(run, RecordKind.CHECKPOINT.value)
-    if number:
-        past.take(_record(_line(journal, run, 1)))
-        _restore(past, journal, run, number)
-    for line in journal.lines(run, number):
-        past.take(_record(line))
+    number = _last_state(journal, run)
+    with no_search_for_cycles():
+        if number:
+            past.take(_record(_line(journal, run, 1)))
+            _restore(past, journal, run, number)
+        for line in journal.lines(run, number):
+            past.take(_record(line))
     return past
+
+
+def _last_state(journal: Journal, run: str) -> int:
+    """The number of the last checkpoint; 0 if there is none. Pages of a plan behind it, which nothing refers to yet, are none."""
+    number = journal.last(run, RecordKind.CHECKPOINT.value)
+    while number and "state" not in _line(journal, run, number).content:
+        number = journal.last(run, RecordKind.CHECKPOINT.value, before=number)
+    return number
 
 
 def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
@@ -97,9 +115,8 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
         past.extend(each)
     if "lying" in state:
         past.lies(state["lying"])
-    held = _line(journal, run, state["plan"])
-    content = held.content["rest"] if held.kind == RecordKind.CHECKPOINT.value else held.content
-    past.follow(content, held.number)
+    content = _plan(journal, run, state["plan"])
+    past.follow(content, state["plan"])
     if "whole" in content:
         past.entire = partial(_whole, journal, run, content["whole"])
     facts = {read_atom(each) for each in state["facts"]}
@@ -117,6 +134,18 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
     past.at_ms = line.at_ms
     past.history = _history(journal, run, number)
     past.told = len(past.history)
+
+
+def _plan(journal: Journal, run: str, number: int) -> dict[str, Any]:
+    """The plan that a record holds, with the steps on the pages before it."""
+    held = _line(journal, run, number)
+    if held.kind != RecordKind.CHECKPOINT.value:
+        return dict(held.content)
+    rest = dict(held.content["rest"])
+    if pages := rest.pop("pages", 0):
+        before = islice(journal.lines(run, number - 1 - pages), pages)
+        rest["steps"] = [step for page in before for step in page.content["rest"]["steps"]] + rest["steps"]
+    return rest
 
 
 def _whole(journal: Journal, run: str, number: int) -> Compiled:

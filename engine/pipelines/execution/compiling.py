@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 
 from engine.stages.execution import Activity, Dwell, Program
 from engine.stages.macros.lifted.execution import changes_of
@@ -93,7 +93,12 @@ def compiled(
         dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
     )
     program = Program(activities, dwells, timed, hands=hands)
-    return Compiled(program, lambda: plan, changes, expects, results)
+    return Compiled(program, partial(_known, plan), changes, expects, results)
+
+
+def _known(plan: Plan) -> Plan:
+    """A plan that need not be read. It has a name so that a program can be sent to another process."""
+    return plan
 
 
 def _activity(

@@ -222,9 +222,15 @@ class Course(Progress):
             self.look(self.state())
 
     def _saved(self, checkpoint: Checkpoint) -> int:
-        """Note a checkpoint, and before it what is left of the plan if that pays; its number."""
-        if (rest := checkpoint.rest()) is not None:
-            self.written.plan(self.recorder.note(RecordKind.CHECKPOINT, rest=rest).number, rest)
+        """Note a checkpoint, and before it what is left of the plan if that pays; its number.
+
+        Each page is written before the next one is made, so a long plan is never in memory a second time.
+        """
+        for page in checkpoint.rest():
+            number = self.recorder.note(RecordKind.CHECKPOINT, rest=page).number
+            self.recorder.commit()
+            if "order" in page:
+                self.written.plan(number, page)
         number = self.recorder.note(RecordKind.CHECKPOINT, state=checkpoint.state()).number
         self.written.checkpoint, self.written.history = number, len(self.history)
         return number

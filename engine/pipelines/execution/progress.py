@@ -1,6 +1,6 @@
 """How far a run is, and what its steps do to that: commands are posted, the world model follows, everything is noted."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -36,6 +36,7 @@ LONG = (
     "running",
     "full",
     "ahead",
+    "pages",
 )  # what of a plan's record grows with the plan, or is true only once
 VERDICT = (
     "of", "quantity", "value", "unit", "nominal", "lower", "upper", "uncertainty", "risk", "passed", "tool",
@@ -78,16 +79,16 @@ class Written:
 
     def plan(self, number: int, entry: Mapping[str, Any]) -> None:
         """Another plan is in the record of this number."""
-        self.number, self.steps, self.done = number, len(entry["steps"]), set()
+        self.number, self.steps, self.done = number, len(entry["order"]), set()
         self.head = head_of(entry)
 
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """What a checkpoint holds: how the run stands, and what is left of its plan, if it is time to write that."""
+    """What a checkpoint holds: how the run stands, and what is left of its plan, page by page, if it is time to write that."""
 
     state: Callable[[], dict[str, Any]]
-    rest: Callable[[], dict[str, Any] | None]
+    rest: Callable[[], Iterator[dict[str, Any]]]
 
 
 @dataclass

@@ -58,14 +58,23 @@ def steps_entry(
 
     What one of these has brought about waits since then.
     """
-    program, plan = compiled.program, {int(s.id): s for s in compiled.plan.steps}
-    left = [each for each in program.activities.values() if each.id not in without]
+    return {"steps": list(step_entries(compiled, without)), **order_entry(compiled, without, ended)}
+
+
+def step_entries(compiled: Compiled, without: Collection[int] = ()) -> Iterator[dict[str, Any]]:
+    """Each step of a plan as a record has it, but for those `without`."""
+    plan = {int(s.id): s for s in compiled.plan.steps}
+    left = (each for each in compiled.program.activities.values() if each.id not in without)
+    return (_step_entry(each, plan[each.id], compiled, without) for each in left)
+
+
+def order_entry(compiled: Compiled, without: Collection[int], ended: Mapping[int, int]) -> dict[str, Any]:
+    """What a record of a plan says of the order of its steps, and of what waits for them."""
     return {
-        "steps": [_step_entry(a, plan[a.id], compiled, without) for a in left],
         "order": [int(step.id) for step in compiled.plan.steps if int(step.id) not in without],
         "dwells": [
             _dwell_entry(each, ended)
-            for each in program.dwells
+            for each in compiled.program.dwells
             if each.target not in without and (each.source not in without or each.source in ended)
         ],
     }
@@ -105,9 +114,9 @@ def _step_entry(a: Activity, step: Step, compiled: Compiled, without: Collection
         "timeout_ms": a.timeout_ms,
         "expects": a.expects,
         "result": None if result is None else str(result),
-        "asks": a.asks,
-        "rests": a.rests,
-        "process": a.process,
+        "asks": a.asks or None,
+        "rests": None if a.rests else False,
+        "process": a.process or None,
         "looks": list(a.looks),
         "watches": list(a.watches),
         "duration": step.duration,

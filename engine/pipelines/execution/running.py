@@ -17,11 +17,11 @@ from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.progress import EVERY, Checkpoint, Turn
 from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import compiled_of, end_entry, plan_entry, read_atom, standing_entry
+from engine.pipelines.execution.records import end_entry, plan_entry, read_atom, standing_entry
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.reviewing import chosen, reviewed
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.settling import restore, settle, standing_again
+from engine.pipelines.execution.settling import restore, settle, taken_up
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.revision.remaining import left_over
 from engine.pipelines.simulation import Memory, SymbolicWorld
@@ -80,9 +80,8 @@ class Execution:
         """Go on with a run whose journal was read. What was under way is settled with the driver first."""
         self.additions = list(past.additions)
         self.forecast_ms, self.exceptions, self.steps = past.forecast_ms, past.exceptions, past.steps
-        assert past.plan is not None
-        compiled = queued(compiled_of(past.plan), self.driver.lookahead)
-        course = self._course(compiled, standing_again(compiled, past, self.driver.now_ms()), past.world)
+        compiled, standing = taken_up(past, self.driver.lookahead, self.driver.now_ms())
+        course = self._course(compiled, standing, past.world)
         restore(course, past)
         course.values = list(past.measured)
         self.inspector.taken_up(past.lying, course)

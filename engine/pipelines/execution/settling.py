@@ -1,14 +1,16 @@
 """Takes a run up where its journal ends: its course is restored, and the driver tells what became of commands under way."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from engine.model.execution import Command, CommandKind, Fate, Phase, Reply, Report
-from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.compiling import Compiled, queued
 from engine.pipelines.execution.course import Course
+from engine.pipelines.execution.records import compiled_of
 from engine.pipelines.execution.resuming import Content, Past
 from engine.stages import execution as executive
 from engine.stages.execution import Running, Standing, standing_of
+from kb.cycles import no_search_for_cycles
 
 
 def settle(course: Course, past: Past) -> None:
@@ -77,6 +79,14 @@ def _command(entry: Content) -> Command:
         tuple(entry.get("looks", ())),
         tuple(entry.get("watches", ())),
     )
+
+
+def taken_up(past: Past, lookahead: Callable[[str], int], now_ms: int) -> tuple[Compiled, Standing]:
+    """The last program of a run, and where it stood. `lookahead` tells how many commands a stream takes at once."""
+    assert past.plan is not None
+    with no_search_for_cycles():
+        compiled = queued(compiled_of(past.plan), lookahead)
+        return compiled, standing_again(compiled, past, now_ms)
 
 
 def standing_again(compiled: Compiled, past: Past, now_ms: int) -> Standing:

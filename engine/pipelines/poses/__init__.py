@@ -62,12 +62,14 @@ def known_poses(
     cell: Cell,
     backend: GeometryBackend,
     known: Mapping[Key, MeasurementPoses] | None = None,
+    only: str = "",
 ) -> Knowledge:
-    """The poses of every measurement that a tool is chosen for. What is `known` and still valid is not found again."""
+    """The poses of every measurement that a tool is chosen for, or of one. What is `known` and still valid is not found again."""
     semantics = PlanGate().semantics(problem)
     words = problem.domain.conventions
-    tools = {str(each.arguments[1]): str(each.arguments[0]) for each in semantics.statics.named(words.chosen)}
+    tools = chosen_tools(semantics)
     whole = with_measured_places(cell, problem, tools)
+    tools = {name: tool for name, tool in tools.items() if only in ("", name)}
     widths = _widths(semantics)
     kinematics = {name: InverseKinematics(model) for name, model in World.of(whole).models.items()}
     found: dict[Key, MeasurementPoses] = {}
@@ -82,6 +84,12 @@ def known_poses(
             found |= _found(room, asked, station, known or {})
     kept = sum(found[key] is each for key, each in (known or {}).items() if key in found)
     return Knowledge(found, kept, len(found) - kept)
+
+
+def chosen_tools(semantics: Semantics) -> dict[str, str]:
+    """The tool that is chosen for each measurement."""
+    name = semantics.problem.domain.conventions.chosen
+    return {str(each.arguments[1]): str(each.arguments[0]) for each in semantics.statics.named(name)}
 
 
 def _chosen(words: Conventions, tools: Mapping[str, str], place: Place) -> bool:
@@ -154,6 +162,12 @@ def stations_of_cell(cell: Cell) -> list[tuple[str, Atom]]:
         if isinstance(last, Function) and is_ground(last):
             found.append((str(last), location.fact))
     return found
+
+
+def station_world(cell: Cell, semantics: Semantics, station: str, place: Place) -> World:
+    """The cell as the problem begins, with the arm at a station ("": where it is) and the tool of a place in its hand."""
+    facts = dict(stations_of_cell(cell))
+    return _standing(cell, semantics, facts.get(station), place)
 
 
 def _standing(cell: Cell, semantics: Semantics, fact: Atom | None, place: Place) -> World:

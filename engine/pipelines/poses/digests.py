@@ -1,11 +1,12 @@
 """What the poses of a measurement depend on, as digests: they stay valid exactly as long as these do not change.
 
-The first digest is of the arm, the tool and the place. The second is of every body that is near: whose box meets a box of what
-the arm and its tool touch in the poses that the answer rests on. What is outside of these boxes cannot have changed the answer.
+The first digest is of the arm, the tool and the place. The second is of every shape of a body that is near: whose box meets a box
+of what the arm and its tool touch in the poses that the answer rests on. What is outside of these boxes cannot have changed the
+answer. Shapes are asked one by one: a body such as the ribs of a part is everywhere, and one of its ribs is not.
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from engine.stages.geometry.reach.seeing import View
 from engine.stages.geometry.shapes.parts import cores
 from engine.stages.geometry.world.model import World
 from kb.model.cell import Place
-from kb.model.shapes import Mesh
+from kb.model.shapes import Mesh, PlacedShape
 
 MARGIN_M = 0.01  # a box is grown by this much: what is farther away cannot touch
 
@@ -44,45 +45,40 @@ class Footing:
 
 
 class Standing:
-    """The bodies of a world that no arm carries, with their boxes and digests."""
+    """The shapes of the bodies of a world that no arm carries, with their boxes and digests."""
 
     def __init__(self, world: World) -> None:
         names = sorted(name for name in world.cell.bodies if not world.locate(name).carrier)
-        boxes = {name: body_box(world, name) for name in names}
-        self._boxes = {name: box for name, box in boxes.items() if box is not None}
-        self._digests = {name: _of_body(world, name) for name in self._boxes}
-
-    def near(self, boxes: Sequence[Box]) -> list[str]:
-        """The bodies whose own box meets one of some boxes."""
-        if not len(boxes) or not self._boxes:
-            return []
-        low, high = np.swapaxes(np.array(boxes), 0, 1)[:, None]
-        own_low, own_high = np.swapaxes(np.array(list(self._boxes.values())), 0, 1)[:, :, None]
-        meets = ((own_low <= high) & (own_high >= low)).all(axis=2).any(axis=1)
-        return [name for name, met in zip(self._boxes, meets, strict=True) if met]
+        shapes = [(name, placed) for name in names for placed in world.cell.bodies[name].shapes]
+        self._digests = [_of_shape(world, name, placed) for name, placed in shapes]
+        self._boxes = np.array([_box_of_shape(world, name, placed) for name, placed in shapes])
 
     def digest(self, boxes: Sequence[Box]) -> str:
-        """The digest of the bodies that meet one of some boxes."""
-        return _digest(tuple((name, self._digests[name]) for name in self.near(boxes))) if boxes else ""
+        """The digest of the shapes whose own box meets one of some boxes."""
+        if not boxes:
+            return ""
+        return _digest(sorted(self._digests[n] for n in self._near(boxes)))
+
+    def _near(self, boxes: Sequence[Box]) -> Iterable[int]:
+        if not len(self._boxes):
+            return ()
+        low, high = np.swapaxes(np.array(boxes), 0, 1)[:, None]
+        own_low, own_high = np.swapaxes(self._boxes, 0, 1)[:, :, None]
+        return np.flatnonzero(((own_low <= high) & (own_high >= low)).all(axis=2).any(axis=1)).tolist()
 
 
-def _of_body(world: World, name: str) -> str:
-    body = world.cell.bodies[name]
-    stamps = [_stamp(each.shape) for each in body.shapes if isinstance(each.shape, Mesh)]
-    return _digest((body.shapes, stamps, _rounded(world.pose("world", name))))
+def _of_shape(world: World, body: str, placed: PlacedShape) -> str:
+    stamp = _stamp(placed.shape) if isinstance(placed.shape, Mesh) else ""
+    return _digest((body, placed, stamp, _rounded(world.pose("world", body))))
 
 
-def body_box(world: World, name: str) -> tuple[Floats, Floats] | None:
-    """The least and greatest corner of a body along the axes of the world; None for a body without shapes."""
-    T = world.pose("world", name)
-    lows, highs = [], []
-    for placed in world.cell.bodies[name].shapes:
-        at = T @ transforms.of_pose(placed.pose)
-        for core in cores(placed.shape):
-            corners = transforms.apply(at, core.vertices)
-            lows.append(corners.min(axis=0) - core.radius_m)
-            highs.append(corners.max(axis=0) + core.radius_m)
-    return (np.min(lows, axis=0), np.max(highs, axis=0)) if lows else None
+def _box_of_shape(world: World, body: str, placed: PlacedShape) -> tuple[Floats, Floats]:
+    """The least and greatest corner of a shape of a body along the axes of the world."""
+    at = world.pose("world", body) @ transforms.of_pose(placed.pose)
+    corners = [(transforms.apply(at, core.vertices), core.radius_m) for core in cores(placed.shape)]
+    lows = [each.min(axis=0) - radius for each, radius in corners]
+    highs = [each.max(axis=0) + radius for each, radius in corners]
+    return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
 def boxes_of(room: Room, place: Place, configurations: Sequence[Floats]) -> tuple[Box, ...]:

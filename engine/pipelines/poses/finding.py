@@ -4,20 +4,24 @@ Many measurements with one tool are looked at together, so that arrays are long.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from engine.model.geometry import Floats
 from engine.model.poses import MeasurementPoses
+from engine.model.solid import Solid
 from engine.pipelines.moves.rooms import Room
 from engine.pipelines.poses.digests import Footing, Standing, box_of, boxes_of
+from engine.pipelines.poses.views import eye_of, looked_at, patch_of, solids_before
 from engine.pipelines.poses.ways import KEPT, ways_into
 from engine.stages.geometry import transforms
 from engine.stages.geometry.reach.reach import Unreached
 from engine.stages.geometry.reach.seeing import View
+from engine.stages.vision.placement import placed
 from kb.model.cell import Measuring, Patch, Place, Placement
+from kb.model.ranging import Ranging
 
 AROUND = 4  # directions in which a tool is tilted
 SIDES = 5  # sizes of a patch that are tried
@@ -52,23 +56,57 @@ def found_poses(
             tilts[n] = tilt
         for n, place in leaning:
             views[n] += room.reach.looked_through(place)
+    solids = solids_before(room.world, sought[0].place.arm) if how.ranging else {}
     made = []
     for each, own, tilt, seen, view in zip(sought, ways, tilts, looked, views, strict=True):
-        poses = _poses(room, each, station, own[:KEPT], tilt)
-        boxes = (*boxes_of(room, each.place, seen), *box_of(view))
+        poses = _poses(room, each, station, own[:KEPT], tilt, solids)
+        boxes = (*boxes_of(room, each.place, seen), *box_of(view), *poses.boxes)
         made.append(
             replace(poses, boxes=boxes, own=footing.digest(each.place, how), near=others.digest(boxes))
         )
     return made
 
 
-def _poses(room: Room, each: Sought, station: str, ways: Sequence[Floats], tilt: float) -> MeasurementPoses:
+def _poses(
+    room: Room,
+    each: Sought,
+    station: str,
+    ways: Sequence[Floats],
+    tilt: float,
+    solids: Mapping[str, Solid],
+) -> MeasurementPoses:
     """The poses of one measurement, or why it has none."""
     found = MeasurementPoses(each.measurement, each.place.tool, station)
     if not ways:
         return replace(found, reason=_why(room, each.place))
-    patch = _patch(room, each, ways, tilt) if each.how.field_m else None
-    return replace(found, straight=tuple(ways), tilt_rad=tilt, patch=patch)
+    if not each.how.field_m:
+        return replace(found, straight=tuple(ways), tilt_rad=tilt)
+    patch = _patch(room, each, ways, tilt)
+    found = replace(found, straight=tuple(ways), tilt_rad=tilt, patch=patch)
+    if each.how.ranging is None:
+        return found
+    return _with_best_patch(room, each, found, each.how.ranging, solids)
+
+
+def _with_best_patch(
+    room: Room, each: Sought, poses: MeasurementPoses, ranging: Ranging, solids: Mapping[str, Solid]
+) -> MeasurementPoses:
+    """The poses with the patch that leaves the least uncertainty from the first of them, no wider than the one that all see.
+
+    The box of all that the choice looked at is kept, too. Where no patch fits on the surface, the one before stays.
+    """
+    eye = eye_of(room.world, each.place, each.how, ranging, poses.straight[0][-1], solids)
+    at = each.place.surface or each.place.placement
+    surface = room.world.pose("world", at.parent) @ transforms.of_pose(at.pose)
+    point, back = surface[:3, 3], transforms.inverse(eye.T_world_eye)
+    most = max(each.how.patch_m[0], *(poses.patch.size_m if poses.patch else (0.0,)))
+    own = transforms.apply(back, point[None])[0]
+    sides = (min(each.how.patch_m[0], most), most)
+    found = placed(list(eye.bodies.values()), ranging, own, back[:3, :3] @ -surface[:3, 2], sides)
+    searched = (looked_at(eye, point, 2.0 * most),)
+    if found is None:
+        return replace(poses, boxes=searched)
+    return replace(poses, patch=patch_of(eye, found, point), sigma_m=found.sigma_m, boxes=searched)
 
 
 def _why(room: Room, place: Place) -> str:

@@ -42,6 +42,7 @@ def _written(poses: MeasurementPoses) -> str:
         "boxes": poses.boxes,
         "own": poses.own,
         "near": poses.near,
+        "sigma_m": poses.sigma_m,
     }
     return json.dumps(entry)
 
@@ -60,6 +61,7 @@ def _read(text: str) -> MeasurementPoses | None:
             tuple(map(_box, entry["boxes"])),
             str(entry["own"]),
             str(entry["near"]),
+            float(entry["sigma_m"]),
         )
     except (ValueError, KeyError, TypeError, IndexError):
         return None

@@ -6,11 +6,13 @@ from engine.kernels.cancellation import Interrupted
 from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, GaveUp
 from engine.pipelines.inspection.keeping import carry_on
-from engine.pipelines.planning import loaded
+from engine.pipelines.objective import sequenced
+from engine.pipelines.planning import LARGE, loaded
 from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
-from engine.pipelines.reuse.practice import Practice
+from engine.pipelines.reuse.practice import Answered, Practice
 from engine.pipelines.units.content import require_same
 from engine.pipelines.units.course import INTERRUPTED
+from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
@@ -34,8 +36,7 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         poses = _poses(job.store, problem) if measures else None
         kept = _kept(job.store, problem) if measures else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
-        with Library(job.store) as library, Practice(library, limits) as practice:
-            answered = practice.plan(problem)
+        answered = _answered(job.store, problem, limits)
     except InvalidInput as error:
         finished = all(each.code != UNUSABLE for each in error.diagnostics)
         return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics), finished=finished)
@@ -54,6 +55,19 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         poses=poses,
         finished=not interrupted(),
     )
+
+
+def _answered(store: str, problem: Problem, limits: Limits) -> Answered:
+    """The answer for a problem, which the library keeps. Of measurements that are too many to be planned at once, as `plan` does:
+    they follow their sequence.
+    """
+    with Library(store) as library, Practice(library, limits) as practice:
+        if size(problem) > LARGE:
+            memory = practice.repertoire(problem.domain) if practice.learns else None
+            followed = sequenced(problem, limits, memory, store)
+            if followed is not None:
+                return Answered(followed.outcome, "sequence")
+        return practice.plan(problem)
 
 
 def lost(job: PreparationJob, why: str) -> Prepared:

@@ -34,7 +34,9 @@ class KeptPoses:
 class Prepared:
     """The result for one problem. `status`: found, infeasible, gave up or bad input.
 
-    `origin`, `macrop`, `name` and `reason` are those of `Answered`. What is not `finished` is done again by the next preparation.
+    `origin`, `macrop`, `name` and `reason` are those of `Answered`; the origin `sequence` is a plan that follows the sequence of its
+    measurements.
+    What is not `finished` is done again by the next preparation.
     """
 
     problem: str

@@ -11,6 +11,7 @@ import numpy as np
 from engine.kernels.rigid import apply, inverse, transform, turned
 from engine.model.fits import PARAMETERS, Cloud, Fit, Fitting, Shape, Unfitted, unusable
 from engine.model.geometry import Floats, Truths
+from engine.stages.fitting.beams import narrowed
 from engine.stages.fitting.distances import distances, normals, slopes
 from engine.stages.fitting.starts import SAMPLE, Guess, guesses
 
@@ -38,6 +39,9 @@ def fitted(shape: Shape, cloud: Cloud) -> Fitting:
     if not kept:
         return Unfitted(f"no {shape} goes through the points")
     best = max(kept, key=lambda each: (int(each.used.sum()), -each.chi2))
+    if cloud.beam_m is not None:
+        at = Guess(best.T_world_shape, np.asarray(best.radius_m), np.asarray(best.angle_rad))
+        best = _settled(shape, narrowed(shape, cloud, at), at) or best
     share = float(best.used.mean())
     if share < SHARE:
         return Unfitted(f"only {share:.0%} of the points lie on one {shape}")
@@ -138,8 +142,8 @@ def _least_squares(shape: Shape, cloud: Cloud, at: Guess, used: Truths) -> Guess
 
 
 def _some(cloud: Cloud, used: Truths) -> Cloud:
-    directions = None if cloud.directions is None else cloud.directions[used]
-    return Cloud(cloud.points[used], cloud.sigma_m[used], directions)
+    directions, beam = (None if each is None else each[used] for each in (cloud.directions, cloud.beam_m))
+    return Cloud(cloud.points[used], cloud.sigma_m[used], directions, beam)
 
 
 def _moved(shape: Shape, at: Guess, step: Floats) -> Guess:

@@ -2,9 +2,7 @@
 Python makes bitsets of them.
 """
 
-import gc
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 from engine.model.task import Bits, GroundOperator, Task, bitset
@@ -41,6 +39,7 @@ from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
 from kb.asp import Grounder
 from kb.asp.statics import try_first, within_limits
+from kb.cycles import no_search_for_cycles
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.loader.amounts import amounts_of
 from kb.model.conditions import Literal, goal_parts
@@ -57,7 +56,7 @@ def ground(problem: Problem) -> Task:
     Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and
     ambiguities among deductive operators, and a grounding that exceeds its limits.
     """
-    with _no_garbage_collection():
+    with no_search_for_cycles():
         grounding = _Grounding(problem)
         with within_limits(lambda: suspects(problem, grounding.schemas)):
             task = grounding.task()
@@ -79,22 +78,6 @@ def reachable_atoms(task: Task) -> frozenset[Atom]:
         for effect in operator.conditional:
             added |= effect.adds
     return frozenset(task.names(added))
-
-
-@contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """Turns Python's search for reference cycles off while grounding runs.
-
-    Grounding makes millions of values, and none of them is part of a cycle. The search for cycles would take
-    a third more time.
-    """
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,9 @@ from typer.testing import CliRunner
 
 from engine.authoring.starter import create
 from engine.faces.cli import app
+from engine.pipelines.preparation.problem import work
+from engine.pipelines.preparation.results import PreparationJob
+from engine.pipelines.units.content import content
 from tests.places import BUNDLED
 
 BULKHEAD = BUNDLED / "bulkhead"
@@ -164,6 +167,16 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
     assert source("bulkhead/one_point", "--store", store)[0] == "library"
     assert source("bulkhead/twelve_points", "--store", store)[0] == "sequence"
     assert source("bulkhead/twelve_points", "--store", store, "--order", "free")[0] == "library"
+
+
+@pytest.mark.slow
+def test_measurements_that_are_too_many_to_be_planned_at_once_are_prepared_one_after_another(
+    store: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("engine.pipelines.preparation.problem.LARGE", 100)
+    problem = BULKHEAD / "problems" / "twelve_points.yaml"
+    found = work(PreparationJob(problem, store, 100_000, 0, content(problem)), lambda: False)
+    assert (found.status, found.origin) == ("found", "sequence")
 
 
 @pytest.mark.slow

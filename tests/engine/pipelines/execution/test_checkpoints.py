@@ -1,5 +1,6 @@
 """What a checkpoint says of a run is what all records before it say."""
 
+import pickle
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -35,8 +36,9 @@ class Part:
     def __init__(self, records: Sequence[Record]) -> None:
         self.all = [Line(r.number, r.at_ms, r.kind.value, r.content) for r in records]
 
-    def last(self, _run: str, kind: str = "") -> int:
-        return max((each.number for each in self.all if kind in ("", each.kind)), default=0)
+    def last(self, _run: str, kind: str = "", before: int | None = None) -> int:
+        some = self.all if before is None else self.all[: before - 1]
+        return max((each.number for each in some if kind in ("", each.kind)), default=0)
 
     def line(self, _run: str, number: int) -> Line:
         return self.all[number - 1]
@@ -96,11 +98,20 @@ def test_a_run_from_its_last_checkpoint_is_the_run_from_its_beginning(
 ) -> None:
     monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 9)
     monkeypatch.setattr("engine.pipelines.execution.checkpoints.LONG", 4)
+    monkeypatch.setattr("engine.pipelines.execution.checkpoints.PAGE", 3)
     records = records_of(name)
     said = [set(each.content) for each in records if each.kind is RecordKind.CHECKPOINT]
     assert {"rest"} in said
     assert {"state"} in said
+    assert any(each.content.get("rest", {}).get("pages") for each in records)
     for last in range(9, len(records) + 1, 4):
-        part = records[:last]
-        if "rest" not in part[-1].content:  # it is written with the checkpoint behind it
-            assert essence(past(name, part, checkpoints=True)) == essence(past(name, part, checkpoints=False))
+        part = records[
+            :last
+        ]  # also between the pages of what is left, and behind them, before the checkpoint
+        assert essence(past(name, part, checkpoints=True)) == essence(past(name, part, checkpoints=False))
+
+
+def test_a_program_can_be_sent_to_another_process() -> None:
+    _, ready = planned("themse/one")
+    sent = pickle.loads(pickle.dumps(ready.compiled))
+    assert (sent.program, sent.plan) == (ready.compiled.program, ready.compiled.plan)

@@ -1,0 +1,106 @@
+"""Where a surface is, by the patch of a range image that is kept for its measurement."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.model.fits import Fit, Fitting, Shape
+from engine.model.geometry import Floats
+from engine.model.poses import MeasurementPoses
+from engine.model.ranging import Edges, RangeImage, Vague, Window
+from engine.pipelines.dimensions import Asked, dimensions
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.places import with_measured_places
+from engine.pipelines.poses import chosen_tools, known_poses, station_world
+from engine.pipelines.poses.views import eye_of, solids_before, taken, window_of
+from engine.ports import GeometryBackend
+from engine.stages.geometry import transforms
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.model.cell import Cell, Place
+from kb.model.problem import Problem
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredSurface:
+    """The image, the patch, the plane in it, and how far the surface is from where it should be, along its normal, in metres.
+
+    `expected_m` is the standard deviation that was expected when the patch was chosen.
+    """
+
+    name: str
+    poses: MeasurementPoses
+    image: RangeImage
+    edges: Edges
+    window: Window
+    fit: Fitting
+    off_m: float
+    sigma_m: float
+    expected_m: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether a plane was found."""
+        return isinstance(self.fit, Fit)
+
+
+def measured_surface(
+    problem: Problem,
+    cell: Cell,
+    backend: GeometryBackend,
+    name: str,
+    expected_to_m: float,
+    seed: int,
+    displaced_m: Floats | None = None,
+) -> MeasuredSurface | Vague:
+    """The surface at a measurement that a laser ranging tool takes, in a made image. Raises `InvalidInput` for one that it does not."""
+    poses, place, whole = _pose(problem, cell, backend, name)
+    how = whole.measuring.get(place.tool)
+    if how is None or how.ranging is None:
+        message = f"{name} is taken with {place.tool or 'no tool'}, which is no laser ranging tool"
+        hint = "say what it is like: `measuring: TOOL: ranging`"
+        raise InvalidInput([Diagnostic(Source(cell.path or cell.name), "K404", message, hint)])
+    world = station_world(whole, PlanGate().semantics(problem), poses.station, place)
+    eye = eye_of(world, place, how, how.ranging, poses.straight[0][-1], solids_before(world, place.arm))
+    image = taken(eye, expected_to_m, seed, displaced_m)
+    if isinstance(image, Vague):
+        return image
+    at = place.surface or place.placement
+    surface = world.pose("world", at.parent) @ transforms.of_pose(at.pose)
+    point, normal = surface[:3, 3], -surface[:3, 2]
+    assert poses.patch is not None
+    window = window_of(eye, poses.patch, point)
+    found = dimensions(image, [Asked(name, Shape.PLANE, window)])
+    fit = found.fits[name]
+    off, sigma = _off(fit, eye.T_world_eye, point, normal) if isinstance(fit, Fit) else (0.0, 0.0)
+    return MeasuredSurface(name, poses, image, found.edges, window, fit, off, sigma, poses.sigma_m)
+
+
+def _pose(
+    problem: Problem, cell: Cell, backend: GeometryBackend, name: str
+) -> tuple[MeasurementPoses, Place, Cell]:
+    """The poses of a measurement from the first station that reaches it, its place, and the cell with its place."""
+    where = Source(cell.path or cell.name)
+    tools = chosen_tools(PlanGate().semantics(problem))
+    if name not in tools:
+        raise InvalidInput([unknown_name("measurement", name, tools, where)])
+    whole = with_measured_places(cell, problem, tools)
+    found = known_poses(problem, cell, backend, only=name)
+    reached = [found.poses[key] for key in sorted(found.poses) if found.poses[key].reached]
+    if not reached:
+        why = found.unreached().get(name, "it has no place in the cell")
+        raise InvalidInput(
+            [Diagnostic(where, "K404", f"{name} is not reached: {why}", "give it another place")]
+        )
+    place = whole.places[problem.domain.conventions.place(name)]
+    return reached[0], place, whole
+
+
+def _off(fit: Fit, T_world_eye: Floats, point: Floats, normal: Floats) -> tuple[float, float]:
+    """How far a plane lies from a point (3,), along a normal, and the standard deviation."""
+    back = transforms.inverse(T_world_eye)
+    own, away = transforms.apply(back, point[None])[0], back[:3, :3] @ normal
+    facing = float(fit.axis @ away)
+    off = float(fit.axis @ (fit.origin - own)) / facing
+    x, y, _ = fit.T_world_shape[:3, :3].T @ (own - fit.origin)
+    by = np.array([1.0, -x, -y])
+    return off, float(np.sqrt(by @ fit.covariance @ by)) / abs(facing)

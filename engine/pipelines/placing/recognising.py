@@ -1,0 +1,49 @@
+"""Which part of a scene its camera sees."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.model.ranging import Recognising
+from engine.model.vision import DepthImage
+from engine.pipelines.placing.looking import KNOWN, camera_of, depth_image
+from engine.stages.geometry.shapes.solids import solid_of
+from engine.stages.geometry.world.model import World
+from engine.stages.vision.hypotheses import Model
+from engine.stages.vision.images import Sensor, disturbed
+from engine.stages.vision.recognition import recognised
+from kb.diagnostics import InvalidInput, Source, unknown_name
+from kb.model.cell import BodyKind
+from kb.model.scene import Scene
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What was recognised, in which image, among which parts."""
+
+    answer: Recognising
+    image: DepthImage
+    models: Mapping[str, Model]
+
+
+def recognised_in(scene: Scene, parts: Sequence[str], seed: int, given: Floats | None = None) -> Seen:
+    """The part that is seen in an image: one `given` (height, width) in metres, else one made from the scene.
+
+    It is one of some parts of the scene, of all if none are named. Known are the bodies that are no parts. Raises `InvalidInput`.
+    """
+    world, camera = World.of(scene.cell), camera_of(scene)
+    own = [name for name, body in scene.cell.bodies.items() if body.kind is BodyKind.PART]
+    for name in parts:
+        if name not in own:
+            raise InvalidInput([unknown_name("part", name, own, Source(scene.name))])
+    if given is None:
+        sensor = Sensor(scene.camera.noise_m, scene.camera.dropouts)
+        image = disturbed(depth_image(scene, world, camera), sensor, seed)
+    else:
+        image = DepthImage(camera, given, scene.camera.noise_m)
+    without = depth_image(scene, world, camera, {*own, *scene.clutter}).depth
+    known = (without > 0) & (np.abs(image.depth - without) < KNOWN * max(scene.camera.noise_m, 1e-6))
+    models = {name: Model(solid_of(scene.cell.bodies[name])) for name in parts or own}
+    return Seen(recognised(models, image, known), image, models)

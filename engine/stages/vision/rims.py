@@ -1,0 +1,145 @@
+"""The rim of a plane surface, to a fraction of a pixel: a beam that meets both sides tells how much of it meets each.
+
+What comes back is the sum of what both surfaces return (see `ranging`). The surface is known as a plane, and what lies beyond the
+rim from the pixels there; so the share of the beam on the surface follows, and with it how far the beam's middle is from the rim.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from scipy.special import ndtri
+
+from engine.model.fits import Cloud
+from engine.model.geometry import Floats, Truths
+from engine.model.ranging import RangeImage, Window
+from engine.stages.vision.ranging import TURN, Waves, beam_px
+
+SHARES = (0.1, 0.9)  # of the beam: outside of these, noise decides
+VAGUE = 0.05  # standard deviation of a share
+SURFACE = 0.75  # as much of a beam meets the surface where the pixel counts as on it
+SMOOTH_PX = 1.5
+LEAST_PX = 0.1  # the least standard deviation of a beam across which a rim can be told from its signal
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rim:
+    """Points of a rim in the frame of the eye, with their deviations away from the surface, and the width of a beam there.
+
+    `beam_m` is the standard deviation of the beam's intensity on the plane.
+    """
+
+    cloud: Cloud
+    beam_m: float
+
+
+def rim_of(image: RangeImage, normal: Floats, offset_m: float, window: Window) -> Rim | None:
+    """The rim of a plane normal . x = offset in a window, where it ends before something farther or nothing; None without one."""
+    if beam_px(image.tool) < LEAST_PX:
+        return None
+    wave = _waves(image)
+    nearer = _surface(image, normal, offset_m)
+    if nearer is None:
+        return None
+    first = _share(wave, nearer, np.zeros_like(wave))
+    alike = np.abs(wave - nearer) < (1.0 - SURFACE) * np.abs(nearer)
+    outward = _outward(np.where(alike, 1.0, np.minimum(np.clip(first, 0.0, 1.0), 0.5)))
+    beyond = _beyond(wave, outward)
+    share = _share(wave, nearer, beyond)
+    apart = np.abs(nearer - beyond)
+    sure = 2.0 * TURN / image.tool.wavelength_m * image.tool.noise_m / np.where(apart > 0, apart, np.inf)
+    kept = (share > SHARES[0]) & (share < SHARES[1]) & (apart > 0) & (sure < VAGUE) & (wave != 0)
+    kept &= np.isfinite(outward).all(axis=-1) & _within(window, kept)
+    kept &= ndimage.binary_dilation(alike, np.ones((3, 3)))
+    v, u = np.nonzero(kept)
+    if not len(u):
+        return None
+    return _rim(image, normal, offset_m, np.stack([u, v], axis=1), outward[kept], share[kept], sure[kept])
+
+
+def _waves(image: RangeImage) -> Waves:
+    found: Waves = image.strength * np.exp(2j * TURN / image.tool.wavelength_m * image.range_m)
+    return found
+
+
+def _surface(image: RangeImage, normal: Floats, offset_m: float) -> Waves | None:
+    """What would come back (h, w) if the whole beam met the plane; None where the image shows none of it."""
+    slope = image.beams @ normal
+    metres = np.where(np.abs(slope) > 1e-6, offset_m / np.where(np.abs(slope) > 1e-6, slope, 1.0), 0.0)
+    ahead = metres > 0
+    strength = np.where(ahead, np.abs(slope) * (image.tool.at_m / np.where(ahead, metres, 1.0)) ** 2, 0.0)
+    near = ahead & (image.range_m > 0) & (np.abs(image.range_m - metres) < 5.0 * image.tool.noise_m)
+    if near.sum() < 3:
+        return None
+    shine = float(np.median(image.strength[near] / strength[near]))
+    return np.asarray(
+        shine * strength * np.exp(2j * TURN / image.tool.wavelength_m * metres), dtype=np.complex128
+    )
+
+
+def _share(wave: Waves, nearer: Waves, beyond: Waves) -> Floats:
+    """The share (h, w) of each beam that meets the nearer surface: least squares over both parts of the amplitude."""
+    apart = nearer - beyond
+    square = np.abs(apart) ** 2
+    found: Floats = ((wave - beyond) * np.conj(apart)).real / np.where(square > 0, square, np.inf)
+    return found
+
+
+def _outward(share: Floats) -> Floats:
+    """The unit vectors (h, w, 2) in the picture, as (u, v), away from the surface; NaN where there is no direction."""
+    down, right = (
+        ndimage.gaussian_filter(share, SMOOTH_PX, order=order, mode="nearest") for order in ((1, 0), (0, 1))
+    )
+    length = np.hypot(right, down)
+    found: Floats = -np.stack([right, down], axis=-1) / np.where(length > 1e-3, length, np.nan)[..., None]
+    return found
+
+
+def _beyond(wave: Waves, outward: Floats) -> Waves:
+    """What comes back some pixels farther out (h, w)."""
+    height, width = wave.shape
+    v, u = np.mgrid[:height, :width].astype(float)
+    step = 3.0
+    away = np.nan_to_num(outward)
+    at_u = np.clip(np.rint(u + step * away[..., 0]).astype(int), 0, width - 1)
+    at_v = np.clip(np.rint(v + step * away[..., 1]).astype(int), 0, height - 1)
+    found: Waves = wave[at_v, at_u]
+    return found
+
+
+def _within(window: Window, like: Truths) -> Truths:
+    found = np.zeros_like(like)
+    found[window.rows, window.columns] = True
+    return found
+
+
+def _rim(
+    image: RangeImage,
+    normal: Floats,
+    offset_m: float,
+    at: Floats,
+    outward: Floats,
+    share: Floats,
+    sure: Floats,
+) -> Rim:
+    """Points where the rim is, from pixels (n, 2), as (u, v), with the share of their beams on the surface."""
+    spread = beam_px(image.tool)
+    inside = ndtri(share)
+    pointing = image.tool.pointing_rad * image.camera.focal_px
+    sigma_px = np.hypot(pointing, spread * sure * math.sqrt(TURN) * np.exp(inside**2 / 2.0))
+    places = at + spread * inside[:, None] * outward
+    points, ahead = (
+        _on_plane(image, normal, offset_m, places),
+        _on_plane(image, normal, offset_m, places + outward),
+    )
+    away = ahead - points
+    pitch = np.linalg.norm(away, axis=1)
+    return Rim(Cloud(points, sigma_px * pitch, away / pitch[:, None]), spread * float(np.median(pitch)))
+
+
+def _on_plane(image: RangeImage, normal: Floats, offset_m: float, at: Floats) -> Floats:
+    """The points (n, 3) of a plane that pixels (n, 2), as (u, v), see."""
+    rays = image.camera.rays(at[:, 0], at[:, 1])
+    found: Floats = rays * (offset_m / (rays @ normal))[:, None]
+    return found

@@ -1,0 +1,199 @@
+"""Range images err as the tool is said to; their edges, rims and patches are where the geometry puts them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.kernels.arrays import Floats
+from engine.kernels.rigid import transform, translation, turned
+from engine.model.fits import Fit, Shape
+from engine.model.ranging import EdgeKind, RangeImage, Vague, Window, picture_of
+from engine.model.solid import Solid
+from engine.stages.fitting.surfaces import fitted
+from engine.stages.vision.edges import edges_of
+from engine.stages.vision.patches import cloud_of, sigma_of
+from engine.stages.vision.placement import placed
+from engine.stages.vision.ranging import expected, of_depths, resolved, scanned
+from engine.stages.vision.rims import rim_of
+from kb.model.ranging import Ranging
+from tests.engine.stages.solids import block, prism
+
+TOOL = Ranging("laser", 48, 48, np.radians(8), 0.3, 5e-5, 0.5, 0.0024, 0.0001)
+WALL = (block(0.3, 0.3, 0.01), translation(0, 0, 0.505))
+STEPPED = [
+    (block(0.1, 0.2, 0.01), translation(-0.05, 0, 0.5)),
+    (block(0.3, 0.3, 0.01), translation(0, 0, 0.52)),
+]
+SLANT = transform(turned(np.array([0.0, 0.0, 0.2])), (0.0, 0.0, 0.0))
+SLANTING = [(each, SLANT @ T) for each, T in STEPPED]
+Placed = list[tuple[Solid, Floats]]
+
+
+def image_of(solids: Placed, tool: Ranging = TOOL, seed: int = 1) -> RangeImage:
+    found = resolved(scanned(solids, tool, seed), expected(solids, tool), 0.002)
+    assert isinstance(found, RangeImage)
+    return found
+
+
+def test_ranges_scatter_as_the_strength_of_the_signal_says() -> None:
+    for lean in (0.0, 1.0):
+        solids = [(WALL[0], transform(turned(np.array([0.0, lean, 0.0])), (0.0, 0.0, 0.505)))]
+        image = image_of(solids)
+        off = (image.range_m - expected(solids, TOOL)) / sigma_of(image)
+        assert 0.9 < float(off[4:-4, 4:-4].std()) < 1.1
+
+
+def test_noise_grows_with_range_and_incidence() -> None:
+    near, far = (
+        float(np.median(image_of([(WALL[0], translation(0, 0, z))]).noise_m)) for z in (0.505, 0.705)
+    )
+    flat = image_of([(WALL[0], transform(turned(np.array([0.0, 1.0, 0.0])), (0.0, 0.0, 0.505)))])
+    assert far / near == pytest.approx(1.96, rel=0.02)
+    assert float(np.median(flat.noise_m)) / near == pytest.approx(1.0 / np.cos(1.0), rel=0.1)
+
+
+def test_the_same_seed_gives_the_same_image() -> None:
+    one, other, another = (scanned([WALL], TOOL, seed) for seed in (3, 3, 4))
+    assert (one.range_m == other.range_m).all()
+    assert (one.range_m != another.range_m).any()
+
+
+def test_ranges_are_known_modulo_half_the_wavelength_only() -> None:
+    wrapped = scanned([WALL], TOOL, 1)
+    assert wrapped.wrapped
+    assert wrapped.range_m.max() < TOOL.wavelength_m / 2
+    shifted = [(WALL[0], translation(0, 0, 0.505 + TOOL.wavelength_m / 2))]
+    alias = resolved(wrapped, expected(shifted, TOOL), 0.002)
+    assert isinstance(alias, RangeImage)
+    cycle = np.abs(
+        np.median((alias.range_m - image_of([WALL]).range_m)[20:28, 20:28]) - TOOL.wavelength_m / 2
+    )
+    assert cycle < 1e-9
+
+
+@pytest.mark.parametrize("sigma_m", [0.02, 1.0, float("nan"), float("inf")])
+def test_a_vague_expectation_is_refused(sigma_m: float) -> None:
+    found = resolved(scanned([WALL], TOOL, 1), expected([WALL], TOOL), sigma_m)
+    assert isinstance(found, Vague)
+    assert "repeat every 150 mm" in found.reason
+
+
+def test_what_lies_elsewhere_than_expected_has_no_range() -> None:
+    there = [(WALL[0], translation(0, 0, 0.545))]
+    found = resolved(scanned(there, TOOL, 1), expected([WALL], TOOL), 0.002)
+    assert isinstance(found, RangeImage)
+    assert not found.range_m.any()
+
+
+def test_a_beam_on_two_surfaces_tells_a_range_between_them() -> None:
+    tool = replace(TOOL, pointing_rad=0.0, noise_m=1e-7)
+    image = image_of(SLANTING, tool)
+    off = np.minimum(np.abs(image.range_m - 0.495), np.abs(image.range_m - 0.515))
+    mixed = off[10:-10] > 0.002
+    assert mixed.any()
+    assert mixed.sum(axis=1).max() <= 3
+    between = image.range_m[10:-10][mixed]
+    assert ((between > 0.494) & (between < 0.518)).all()
+
+
+def test_a_surface_that_is_seen_too_flat_gives_no_answer() -> None:
+    solids = [(WALL[0], transform(turned(np.array([0.0, 1.45, 0.0])), (0.0, 0.0, 0.505)))]
+    assert not scanned(solids, replace(TOOL, grazing_rad=1.0), 1).range_m[20:28, 20:28].any()
+    assert scanned(solids, replace(TOOL, grazing_rad=1.5), 1).range_m[20:28, 20:28].all()
+
+
+@pytest.mark.parametrize(("height", "kind"), [(0.02, EdgeKind.ROOF), (-0.02, EdgeKind.CREASE)])
+def test_roofs_and_creases_are_told_apart(height: float, kind: EdgeKind) -> None:
+    low = min(height, 0.0) - 0.03
+    ridge = prism("w", [(-0.06, low), (0.06, low), (0.06, 0.0), (0.0, height), (-0.06, 0.0)], 0.2)
+    image = image_of([(ridge, transform(turned(np.array([-np.pi / 2, 0, 0])), (0, 0, 0.5)))])
+    edges = edges_of(image)
+    columns = np.nonzero(edges.on(kind)[8:-8])[1]
+    other = EdgeKind.CREASE if kind is EdgeKind.ROOF else EdgeKind.ROOF
+    assert len(columns) > 20
+    assert np.abs(columns - 23.5).max() < 3
+    assert not edges.on(other).any()
+    assert not edges.on(EdgeKind.STEP).any()
+    wanted = 2 * np.arctan(0.02 / 0.06)
+    assert np.median(edges.turn_rad[edges.on(kind)]) == pytest.approx(wanted, rel=0.1)
+
+
+def test_steps_are_where_one_surface_ends() -> None:
+    edges = edges_of(image_of(STEPPED))
+    columns = np.nonzero(edges.on(EdgeKind.STEP))[1]
+    where = picture_of(TOOL).pixels(np.array([[0.0, 0.0, 0.495]]))[0][0]
+    assert np.abs(columns - where).max() <= 2
+    assert np.median(edges.jump_m[edges.on(EdgeKind.STEP)]) == pytest.approx(0.02, rel=0.05)
+    assert not (edges.on(EdgeKind.ROOF) | edges.on(EdgeKind.CREASE)).any()
+
+
+def test_a_round_body_has_no_roof() -> None:
+    around = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    cylinder = prism("c", [(0.05 * np.cos(a), 0.05 * np.sin(a)) for a in around], 0.2)
+    edges = edges_of(image_of([(cylinder, transform(turned(np.array([-np.pi / 2, 0, 0])), (0, 0, 0.55)))]))
+    assert not (edges.on(EdgeKind.ROOF) | edges.on(EdgeKind.CREASE)).any()
+
+
+def test_a_patch_across_a_step_leaves_out_what_is_mixed() -> None:
+    image = image_of(STEPPED)
+    found = fitted(Shape.PLANE, cloud_of(image, edges_of(image), Window(0, 0, 20, 48)))
+    assert isinstance(found, Fit)
+    assert found.used.mean() > 0.98
+    assert abs(float(found.axis @ found.origin)) == pytest.approx(0.495, abs=5 * found.deviation("z"))
+
+
+def test_the_rim_of_a_step_is_told_to_a_fraction_of_a_pixel() -> None:
+    tool = replace(TOOL, pointing_rad=0.0)
+    rim = rim_of(image_of(SLANTING, tool), np.array([0.0, 0.0, 1.0]), 0.495, Window(0, 4, 48, 44))
+    assert rim is not None
+    pixel = 0.495 / picture_of(tool).focal_px
+    off = rim.cloud.points @ SLANT[:3, 0]
+    assert len(off) > 10
+    assert abs(float(np.median(off))) < 0.05 * pixel
+    assert float(np.abs(off).max()) < 0.5 * pixel
+
+
+def test_there_is_no_rim_of_a_plane_that_is_not_seen() -> None:
+    assert rim_of(image_of([WALL]), np.array([0.0, 0.0, 1.0]), 0.4, Window(0, 0, 48, 48)) is None
+
+
+def test_a_patch_is_placed_clear_of_edges_and_as_sure_as_it_says() -> None:
+    found = placed(STEPPED, TOOL, np.array([-0.003, 0.0, 0.495]), np.array([0.0, 0.0, -1.0]), (0.005, 0.02))
+    assert found is not None
+    edge = picture_of(TOOL).pixels(np.array([[0.0, 0.0, 0.495]]))[0][0]
+    assert found.window.right < edge - 1
+    cloud = cloud_of(image := image_of(STEPPED), edges_of(image), found.window)
+    fit = fitted(Shape.PLANE, cloud)
+    assert isinstance(fit, Fit)
+    x, y, _ = fit.T_world_shape[:3, :3].T @ (np.array([-0.003, 0.0, 0.495]) - fit.origin)
+    by = np.array([1.0, -x, -y])
+    assert float(np.sqrt(by @ fit.covariance @ by)) == pytest.approx(found.sigma_m, rel=0.15)
+
+
+def test_the_placed_patch_is_the_best_of_all() -> None:
+    """Against the covariance of each square of that size that is as far from edges."""
+    point, normal = np.array([-0.003, 0.0, 0.495]), np.array([0.0, 0.0, -1.0])
+    found = placed(STEPPED, TOOL, point, normal, (0.01, 0.01))
+    assert found is not None
+    side = found.window.right - found.window.left
+    x = expected(STEPPED, TOOL)[..., None] * image_of(STEPPED).beams - point
+
+    def sigma(left: int, top: int) -> float:
+        own = x[top : top + side, left : left + side, :2].reshape(-1, 2)
+        rows = np.column_stack([np.ones(len(own)), own])
+        return float(np.sqrt(np.linalg.inv(rows.T @ rows)[0, 0]))
+
+    best = min(sigma(left, top) for left in range(found.window.left + 1) for top in range(0, 48 - side, 2))
+    assert sigma(found.window.left, found.window.top) <= 1.02 * best
+
+
+def test_no_patch_is_placed_where_the_surface_is_too_small() -> None:
+    small = [(block(0.004, 0.004, 0.01), translation(0, 0, 0.5))]
+    assert placed(small, TOOL, np.array([0.0, 0.0, 0.495]), np.array([0.0, 0.0, -1.0]), (0.005, 0.02)) is None
+
+
+def test_depths_become_ranges_along_the_beams() -> None:
+    image = of_depths(np.full((48, 48), 0.5), TOOL)
+    assert np.allclose(image.points[..., 2], 0.5)
+    assert image.range_m[0, 0] > 0.5
