@@ -28,7 +28,11 @@ class Feature:
     entities: tuple[str, ...] = ()
 
 
-UNSAID_NORMAL: Triple = (0.0, 0.0, -1.0)  # of a measurement for which a problem gives none: its surface faces down
+UNSAID_NORMAL: Triple = (
+    0.0,
+    0.0,
+    -1.0,
+)  # of a measurement for which a problem gives none: its surface faces down
 
 
 @dataclass(frozen=True, slots=True)
