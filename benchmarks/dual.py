@@ -14,6 +14,7 @@ import json
 import random
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -79,7 +80,7 @@ def main() -> int:
     parser.add_argument("--work", type=Path, default=Path("dual_benchmark"))
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    parts = {
+    parts: dict[str, Callable[[], dict[str, Any]]] = {
         "bulkhead": lambda: bulkhead(asked.points, asked.runs, asked.work),
         "delays": lambda: delays(asked.runs),
         "physics": physics,
@@ -94,7 +95,7 @@ def main() -> int:
 
 def missed(found: dict[str, Any]) -> bool:
     """Whether a figure misses its bar."""
-    return (
+    return bool(
         found.get("speedup", 9.0) < BARS["speedup"]
         or found.get("least_m", 1.0) <= BARS["least_m"]
         or found.get("off_m", 0.0) > BARS["off_m"]
