@@ -22,6 +22,7 @@ class Role(Enum):
     CAUSE = auto()
     NEW_CAUSE = auto()
     FILE = auto()
+    DEVICE = auto()
     DOMAIN = auto()
     PATTERN = auto()  # a sentence with slots, {Variable:type}
     SENTENCE = auto()  # a command in words
@@ -97,9 +98,12 @@ DEDUCTIVE = Shape(keys={"when": READ, "types": TYPES, "where": READ, "implies": 
 PHRASE = Shape(
     keys={"say": Shape(Role.PATTERN), "goal": READ, "stage": READ, "subject": Shape(Role.VARIABLE)}
 )
+_USES = each(Role.DEVICE, Shape(keys={"device": Shape(Role.DEVICE)}))
 DOMAIN = Shape(
     keys={
         "domain": TITLE,
+        "use": _USES,
+        "without": some(STEP),
         "include": some(FILE),
         "types": each(Role.NEW_TYPE, Shape(Role.TYPE, items=NAME)),
         "functions": each(Role.SIGNATURE, TYPE, "function"),
@@ -116,6 +120,8 @@ DOMAIN = Shape(
         "commands": Shape(keys={"words": each(Role.THING, some(TEXT)), "phrases": some(PHRASE)}),
     }
 )
+_EXAMPLE = {"static": GIVEN, "initial": GIVEN, "stage": READ, "goal": READ}
+DEVICE = Shape(keys={**DOMAIN.keys, "device": TITLE, "example": Shape(keys=_EXAMPLE)})
 PROBLEM = Shape(
     keys={
         "problem": TITLE,
@@ -191,6 +197,7 @@ CONTACTS = Shape(
 )
 KINDS: Mapping[str, Shape] = {
     "domain": DOMAIN,
+    "device": DEVICE,
     "problem": PROBLEM,
     "faults": FAULTS,
     "cell": CELL,

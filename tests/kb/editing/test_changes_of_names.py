@@ -5,7 +5,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import pytest
-from test_names_in_files import index_of
+from test_names_in_files import LABORATORY, index_of
 
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.editing.changing import NotRenamed, renamed
@@ -13,7 +13,6 @@ from kb.editing.fixes import fixes
 from kb.editing.index import FileIndex, Index
 from kb.loader import load, problem_files
 from kb.loader.faults import load_faults
-from kb.targets import BUNDLED
 
 RENAMED = [
     ("accessible(place)", "reachable", "predicate"),
@@ -46,7 +45,7 @@ def everything(folder: Path) -> str:
 
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(BUNDLED / "themse", tmp_path / "themse"))
+    return Path(shutil.copytree(LABORATORY, tmp_path / "themse"))
 
 
 @pytest.mark.parametrize(("where", "name", "space"), RENAMED)
@@ -69,7 +68,7 @@ def test_a_renamed_domain_loads_and_names_nothing_by_its_old_name(
     place = next(each.start for _, each in back.named(name))
     apply(again, list(renamed(again, back, place, old)))
     assert {path.name: path.read_text() for path in cell.rglob("*.yaml")} == {
-        path.name: path.read_text() for path in (BUNDLED / "themse").rglob("*.yaml")
+        path.name: path.read_text() for path in LABORATORY.rglob("*.yaml")
     }
 
 
@@ -89,7 +88,7 @@ def test_a_renamed_domain_loads_and_names_nothing_by_its_old_name(
     ],
 )
 def test_what_cannot_be_renamed_is_refused(where: str, name: str, why: str) -> None:
-    index = index_of(BUNDLED / "themse")
+    index = index_of(LABORATORY)
     file = next(file for path, file in index.files.items() if path.endswith("domain.yaml"))
     with pytest.raises(NotRenamed, match=why):
         list(renamed(index, file, file.text.index(where), name))
