@@ -79,6 +79,8 @@ def devices_in_use(section: str, domain: Path) -> Iterator[DeviceIndex]:
     entries: dict[str, tuple[Node, Node]] = {}
     for piece in pieces(section):
         root = tree_of(piece.text)
+        if piece.section and (root is None or isinstance(root.value, str)):
+            root = tree_of(piece.text.partition(":")[0] + ": {}\n")  # its parameters are being written
         node = root if piece.section or root is None else child(root, "use")
         if node is not None and isinstance(node.value, dict):
             entries |= node.value

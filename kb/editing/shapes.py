@@ -121,7 +121,8 @@ DOMAIN = Shape(
     }
 )
 _EXAMPLE = {"static": GIVEN, "initial": GIVEN, "stage": READ, "goal": READ}
-DEVICE = Shape(keys={**DOMAIN.keys, "device": TITLE, "example": Shape(keys=_EXAMPLE)})
+_SECTIONS = {key: shape for key, shape in DOMAIN.keys.items() if key not in ("domain", "without")}
+DEVICE = Shape(keys={**_SECTIONS, "device": TITLE, "example": Shape(keys=_EXAMPLE)})
 PROBLEM = Shape(
     keys={
         "problem": TITLE,
@@ -172,17 +173,24 @@ FAULTS = Shape(
         ),
     }
 )
-_PLACED = {"in": THING, "touches": some(THING), "follows": THING}
-_BODY = Shape(keys={**_PLACED, "joint": Shape(keys={"follows": THING})})
-_BODIES = each(Role.THING, _BODY, "a body of the cell")
+_FIXED = each(Role.THING, Shape(keys={"in": THING}), "a body of the cell")
+_MOVED = each(
+    Role.THING, Shape(keys={"in": THING, "joint": Shape(keys={"follows": THING})}), "a body of the cell"
+)
+_ARMS = each(Role.THING, Shape(keys={"in": THING, "tool": THING}), "a body of the cell")
+_PLACE = Shape(keys={"in": THING, "touches": some(THING), "arm": THING, "tool": THING})
 CELL = Shape(
     keys={
         "cell": TITLE,
-        **dict.fromkeys(("arms", "frames", "fixtures", "parts", "tools", "regions", "zones"), _BODIES),
+        "arms": _ARMS,
+        **dict.fromkeys(("frames", "regions", "zones"), _FIXED),
+        **dict.fromkeys(("fixtures", "parts", "tools"), _MOVED),
         "allowed_contacts": some(some(THING)),
-        "places": each(Role.TERMS, Shape(keys={**_PLACED, "arm": THING, "tool": THING}), "placed"),
-        "locations": each(Role.ATOMS, Shape(keys={"body": TERM, "place": TERM}), "read"),
-        "operations": each(Role.STEP, Shape(keys={"at": TERM, "drags": TERM, "drives": TERM})),
+        "places": each(Role.TERMS, _PLACE, "placed"),
+        "locations": each(Role.ATOMS, Shape(keys={"body": TERM, "place": TERM, "in": THING}), "read"),
+        "operations": each(
+            Role.STEP, Shape(keys={"at": TERM, "drags": TERM, "drives": TERM, "with": TERM, "carries": TERM})
+        ),
         "measuring": each(Role.THING, Shape(keys={"touches": some(THING)})),
         "sensors": each(Role.THING, Shape(keys={"joint": THING, "force": THING, "load": THING}), "a sensor"),
     }

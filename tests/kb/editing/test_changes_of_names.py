@@ -1,5 +1,6 @@
 """New names: what is renamed means the same under its new name, and what cannot be renamed is refused with a reason."""
 
+import re
 import shutil
 from collections import defaultdict
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 from test_names_in_files import LABORATORY, index_of
 
+from kb.check import check_domain
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.editing.changing import NotRenamed, renamed
 from kb.editing.fixes import fixes
@@ -143,3 +145,35 @@ def test_a_finding_beyond_the_text_has_no_fix() -> None:
     file = FileIndex.of("domain.yaml", "domain: d\n")
     finding = Diagnostic(Source("domain.yaml", 90, 3), "K101", "unknown type 'x'", "did you mean 'y'?")
     assert list(fixes(Index({"domain.yaml": file}), file, finding)) == []
+
+
+def fixed(domain: Path, code: str) -> str:
+    """The text of a domain after the first fix of the first finding with a code."""
+    finding = next(each for each in findings(domain) if each.code == code)
+    index = index_of(domain.parent)
+    fix = next(fixes(index, index.files[str(domain)], finding))
+    apply(index, list(fix.changes))
+    return domain.read_text()
+
+
+def test_a_missing_key_is_added(cell: Path) -> None:
+    domain = cell / "domain.yaml"
+    before = domain.read_text()
+    domain.write_text(before.replace("domain: themse\n", ""))
+    after = fixed(domain, "K005")
+    assert "domain: \ninclude:" in after
+    domain.write_text(after.replace("domain: \n", "domain: themse\n"))
+    assert [each for each in findings(domain) if not each.warning] == []
+
+
+def test_what_nothing_uses_is_removed(cell: Path) -> None:
+    domain = cell / "domain.yaml"
+    text = domain.read_text()
+    domain.write_text(re.sub(r"(?m)^(statics:.*\n)", r"\1  polished(probe): {}\n", text))
+    found = [each for each in check_domain(load(domain).domain) if "polished" in each.message]
+    assert [each.code for each in found] == ["K309"]
+    index = index_of(cell)
+    (fix,) = [each for each in fixes(index, index.files[str(domain)], found[0]) if "remove" in each.title]
+    assert fix.title == "remove 'polished'"
+    apply(index, list(fix.changes))
+    assert domain.read_text() == text

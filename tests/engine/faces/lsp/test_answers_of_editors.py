@@ -150,7 +150,7 @@ def test_findings_of_unsaved_texts_go_to_their_files_and_end_there(cell: Path) -
 
 def test_a_problem_far_from_its_domain_goes_with_it(tmp_path: Path) -> None:
     problem = tmp_path / "mine.yaml"
-    problem.write_text("problem: mine\ndomain: themse\ngoals:\n  - sample_name(probe_1, \"a\")\n")
+    problem.write_text('problem: mine\ndomain: themse\ngoals:\n  - sample_name(probe_1, "a")\n')
     desk = Desk()
     uri = opened(desk, problem)
     found = answer(desk, types.TEXT_DOCUMENT_DEFINITION, uri, 3, 6)
