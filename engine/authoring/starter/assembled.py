@@ -62,6 +62,7 @@ def _complete(folder: Path, uses: dict[str, str]) -> dict[str, str]:
         raise InvalidInput(wrong)
     used = {device for each in uses.values() for device in _below(each, known)}
     added = ["measuring", "tool_rack"] if "measuring" in used else []
+    added += ["laser_tool"] if added and "laser_tool" not in used else []  # it finds a part that has moved
     if "holding" in used or not added:
         added += [] if any("hand" in known[each].offers for each in uses.values()) else ["gripper"]
         added += [] if any(each in STORES for each in uses.values()) else [STORES[0]]
