@@ -77,7 +77,9 @@ def test_every_cause_of_a_failed_step_is_found(exception: str, cause: str) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", ["gauge(probe, robot, p3)=probe_worn", "wet(robot, p3)=bottle_empty"])
+@pytest.mark.parametrize(
+    "fault", ["gauge(probe, robot, p3)=probe_worn", "gauge(probe, robot, p3)=no_couplant_film"]
+)
 def test_a_run_goes_on_after_a_fault(tmp_path: Path, fault: str) -> None:
     words = ["run", "gauging/wall", "--fault", fault, "--store", str(tmp_path / "store")]
     result = CliRunner().invoke(app, words, env={"COLUMNS": "200", "XDG_STATE_HOME": str(tmp_path)})
