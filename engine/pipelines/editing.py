@@ -6,18 +6,20 @@ domain as the command line does.
 
 import os
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from engine.pipelines.checking import check
 from engine.stages.grounding import ground
 from kb.check.faults import check_faults
 from kb.diagnostics import Diagnostic, InvalidInput, in_order
-from kb.files import reading
+from kb.files import is_file, reading
 from kb.loader import CELL_FILE, CONTACTS_FILE, load, problem_files
 from kb.loader.faults import FAULTS_FILE, load_faults
+from kb.loader.uses import read_device
 from kb.model.domain import Domain
 from kb.model.problem import Problem
+from kb.targets import DEVICE_FILE
 
 MAX_ATOMS = 20_000  # of a ground problem in which examples are looked for
 
@@ -48,6 +50,8 @@ def quick(domain: str, edited: Iterable[str], unsaved: Mapping[str, str]) -> See
 
 def thorough(domain: str, edited: Iterable[str], unsaved: Mapping[str, str]) -> Seen:
     """The findings of `cellwright check` in a domain, and in edited problems of it that lie elsewhere. Reach is not checked."""
+    if Path(domain).name == DEVICE_FILE:
+        return replace(quick(domain, edited, unsaved), complete=True)
     with reading(unsaved) as desk:
         found = list(check(domain, reach=False).diagnostics)
         for each in edited:
@@ -61,6 +65,9 @@ def thorough(domain: str, edited: Iterable[str], unsaved: Mapping[str, str]) -> 
 
 def _domain(path: Path, found: list[Diagnostic]) -> Domain | None:
     try:
+        if path.name == DEVICE_FILE:  # no domain that is known uses it: its head can be read
+            read_device(path.parent)
+            return None
         loaded = load(path)
     except InvalidInput as error:
         found += error.diagnostics
@@ -71,11 +78,11 @@ def _domain(path: Path, found: list[Diagnostic]) -> Domain | None:
 
 def _of_file(domain: Path, path: Path) -> list[Diagnostic]:
     """The findings in a file that is not the domain's own."""
-    reader = _READERS.get(path.name)
+    reader, of_device = _READERS.get(path.name), is_file(path.with_name(DEVICE_FILE))
     try:
-        if reader is not None and path.parent == domain.parent:
+        if reader is not None and (path.parent == domain.parent or of_device):
             return reader(domain)
-        if path.suffix in (".yaml", ".yml") and path != domain:
+        if not of_device and path.suffix in (".yaml", ".yml") and path != domain:
             return list(load(path).warnings)
     except InvalidInput as error:
         return list(error.diagnostics)

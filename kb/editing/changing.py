@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from kb.editing.devices import DeviceIndex
 from kb.editing.index import FileIndex, Index, Symbol
 from kb.editing.occurrences import Occurrence
 from kb.model.domain import BUILT_IN_TYPES
@@ -35,6 +36,10 @@ def renaming(index: Index, file: FileIndex, offset: int) -> tuple[Symbol, Occurr
         raise NotRenamed(f"'{symbol.name}' is built in")
     if symbol.space != "variable" and not index.definitions(symbol):
         raise NotRenamed(f"'{symbol.name}' is declared nowhere in the files of this domain")
+    for home, _ in index.uses(symbol) if symbol.space != "variable" else ():
+        if isinstance(home, DeviceIndex):
+            hint = f"`cellwright devices show {home.device}` lists what a use can call otherwise"
+            raise NotRenamed(f"'{symbol.name}' is a name in the device '{home.device}': {hint}")
     if any(each.ranged for _, each in index.uses(symbol)):
         raise NotRenamed(f"'{symbol.name}' is written as part of a range: list the names of the range first")
     return symbol, place

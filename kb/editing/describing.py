@@ -44,6 +44,8 @@ def _lines(index: Index, file: FileIndex, symbol: Symbol, known: Known) -> Itera
     yield f"```\n{_signature(first, known)}\n```\n{kind}{_weight(home, first)}"
     if said := comment(home, first.start):
         yield said
+    if symbol.space == "device":
+        return
     if symbol.space == "type":
         yield _values(index, symbol.name)
     elif example := known.examples.get(symbol.name) or _example(index, first):

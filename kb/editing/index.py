@@ -33,10 +33,10 @@ class FileIndex:
     text: str
     kind: str
 
-    @classmethod
-    def of(cls, path: str, text: str) -> "FileIndex":
+    @staticmethod
+    def of(path: str, text: str) -> "FileIndex":
         """The index of a text."""
-        return cls(path, text, kind_of(path, text))
+        return FileIndex(path, text, kind_of(path, text))
 
     @cached_property
     def pieces(self) -> list[tuple[int, Names]]:
@@ -133,7 +133,7 @@ _SPACES = {
 
 @dataclass(frozen=True)
 class Index:
-    """The names in all files of a domain."""
+    """The names in all files of a domain. A file of a device is there once for each use of it, under its path and the use."""
 
     files: Mapping[str, FileIndex] = field(default_factory=dict)
 
@@ -167,10 +167,13 @@ class Index:
         """Every place that names a symbol, declarations included."""
         files: Iterable[FileIndex] = self.files.values()
         if symbol.space == "variable":
-            files = [self.files[symbol.path]] if symbol.path in self.files else []
+            files = [file for file in files if file.path == symbol.path][:1]
+        told: set[tuple[str, int, int]] = set()  # two uses of a device have the same places
         for file in files:
             for piece, each in file.named(symbol.name):
-                if self.meaning(file, each, piece) == symbol:
+                place = file.path, each.start, each.end
+                if place not in told and self.meaning(file, each, piece) == symbol:
+                    told.add(place)
                     yield file, each
 
     def definitions(self, symbol: Symbol) -> list[tuple[FileIndex, Occurrence]]:

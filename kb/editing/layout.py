@@ -152,14 +152,14 @@ class _Layout:
                 self._brackets(each, inner)
 
     def _scalar(self, node: Node, role: Role) -> None:
-        for line in range(self._line(node.start), self._line(max(node.start, node.end - 1)) + 1):
+        raw, first = self.text[node.start : node.end], self._line(node.start)
+        for line in range(first, (self._line(node.end - 1) if "\n" in raw else first) + 1):
             self.scalars.setdefault(line, []).append((node.start, node.end))
-        raw = self.text[node.start : node.end]
         if "\n" in raw.rstrip():
             last = self._line(max(node.start, node.start + len(raw.rstrip()) - 1))
-            self.kept |= set(range(self._line(node.start) + 1, last + 1))
+            self.kept |= set(range(first + 1, last + 1))
             if raw[0] in "|>":
-                self.kept.add(self._line(node.start))
+                self.kept.add(first)
             self._goes_on(node.start, node.end)
         elif role in _EXPRESSIONS and raw.strip():
             self._respace(node, raw)
@@ -171,6 +171,8 @@ class _Layout:
         if quote and (quote in inner or "\\" in inner):
             return
         made = spaced(inner)
+        if made == inner:
+            return
         if quote or (": " not in made and " #" not in made and not made.endswith(":")):
             self._edit(_Edit(node.start, node.end, f"{quote}{made}{quote}"))
 
@@ -240,6 +242,8 @@ class _Layout:
 
     def _comment(self, number: int, line: str) -> int | None:
         """The column of the comment of a line."""
+        if "#" not in line:
+            return None
         start, scalars = self.file.line_starts[number], self.scalars.get(number, [])
         for found in re.finditer(r"(?:^|(?<=[ \t]))#", line):
             place = start + found.start()
@@ -249,8 +253,10 @@ class _Layout:
 
     def _edited(self, number: int, code: str) -> str:
         """The code of a line with the changes in it."""
+        if number not in self.edits:
+            return code
         start = self.file.line_starts[number]
-        for each in sorted(self.edits.get(number, []), reverse=True):
+        for each in sorted(self.edits[number], reverse=True):
             if each.end <= start + len(code):
                 code = code[: each.start - start] + each.text + code[each.end - start :]
         return code

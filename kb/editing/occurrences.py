@@ -252,6 +252,7 @@ _ROLES: dict[Role, Callable[[_Reader, Node, str, str, Node | None], None]] = {
     Role.PREDICATE: _plain("predicate"),
     Role.CAUSE: _plain("cause"),
     Role.FILE: _plain("file"),
+    Role.DEVICE: _plain("device"),
     Role.DOMAIN: _plain("domain"),
 }
 

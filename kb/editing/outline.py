@@ -1,6 +1,5 @@
 """The outline of a file: its sections and what stands in them."""
 
-import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -72,8 +71,14 @@ def _title(item: Node) -> str:
 
 def _end(text: str, node: Node) -> int:
     """Where a node ends, without the blank lines and comments after it."""
-    inside = re.sub(r"(\s|^[ \t]*#[^\n]*$)+\Z", "", text[node.start : node.end], flags=re.MULTILINE)
-    return node.start + len(inside)
+    end = node.end
+    while end > node.start:
+        start = max(text.rfind("\n", node.start, end) + 1, node.start)
+        line = text[start:end].strip()
+        if line and not (line.startswith("#") and (not start or text[start - 1] == "\n")):
+            return end - len(text[start:end]) + len(text[start:end].rstrip())
+        end = start - 1
+    return node.start
 
 
 def _rules(file: FileIndex) -> Iterator[Entry]:

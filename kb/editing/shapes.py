@@ -22,6 +22,7 @@ class Role(Enum):
     CAUSE = auto()
     NEW_CAUSE = auto()
     FILE = auto()
+    DEVICE = auto()
     DOMAIN = auto()
     PATTERN = auto()  # a sentence with slots, {Variable:type}
     SENTENCE = auto()  # a command in words
@@ -97,9 +98,12 @@ DEDUCTIVE = Shape(keys={"when": READ, "types": TYPES, "where": READ, "implies": 
 PHRASE = Shape(
     keys={"say": Shape(Role.PATTERN), "goal": READ, "stage": READ, "subject": Shape(Role.VARIABLE)}
 )
+_USES = each(Role.DEVICE, Shape(keys={"device": Shape(Role.DEVICE)}))
 DOMAIN = Shape(
     keys={
         "domain": TITLE,
+        "use": _USES,
+        "without": some(STEP),
         "include": some(FILE),
         "types": each(Role.NEW_TYPE, Shape(Role.TYPE, items=NAME)),
         "functions": each(Role.SIGNATURE, TYPE, "function"),
@@ -116,6 +120,9 @@ DOMAIN = Shape(
         "commands": Shape(keys={"words": each(Role.THING, some(TEXT)), "phrases": some(PHRASE)}),
     }
 )
+_EXAMPLE = {"static": GIVEN, "initial": GIVEN, "stage": READ, "goal": READ}
+_SECTIONS = {key: shape for key, shape in DOMAIN.keys.items() if key not in ("domain", "without")}
+DEVICE = Shape(keys={**_SECTIONS, "device": TITLE, "example": Shape(keys=_EXAMPLE)})
 PROBLEM = Shape(
     keys={
         "problem": TITLE,
@@ -166,17 +173,24 @@ FAULTS = Shape(
         ),
     }
 )
-_PLACED = {"in": THING, "touches": some(THING), "follows": THING}
-_BODY = Shape(keys={**_PLACED, "joint": Shape(keys={"follows": THING})})
-_BODIES = each(Role.THING, _BODY, "a body of the cell")
+_FIXED = each(Role.THING, Shape(keys={"in": THING}), "a body of the cell")
+_MOVED = each(
+    Role.THING, Shape(keys={"in": THING, "joint": Shape(keys={"follows": THING})}), "a body of the cell"
+)
+_ARMS = each(Role.THING, Shape(keys={"in": THING, "tool": THING}), "a body of the cell")
+_PLACE = Shape(keys={"in": THING, "touches": some(THING), "arm": THING, "tool": THING})
 CELL = Shape(
     keys={
         "cell": TITLE,
-        **dict.fromkeys(("arms", "frames", "fixtures", "parts", "tools", "regions", "zones"), _BODIES),
+        "arms": _ARMS,
+        **dict.fromkeys(("frames", "regions", "zones"), _FIXED),
+        **dict.fromkeys(("fixtures", "parts", "tools"), _MOVED),
         "allowed_contacts": some(some(THING)),
-        "places": each(Role.TERMS, Shape(keys={**_PLACED, "arm": THING, "tool": THING}), "placed"),
-        "locations": each(Role.ATOMS, Shape(keys={"body": TERM, "place": TERM}), "read"),
-        "operations": each(Role.STEP, Shape(keys={"at": TERM, "drags": TERM, "drives": TERM})),
+        "places": each(Role.TERMS, _PLACE, "placed"),
+        "locations": each(Role.ATOMS, Shape(keys={"body": TERM, "place": TERM, "in": THING}), "read"),
+        "operations": each(
+            Role.STEP, Shape(keys={"at": TERM, "drags": TERM, "drives": TERM, "with": TERM, "carries": TERM})
+        ),
         "measuring": each(Role.THING, Shape(keys={"touches": some(THING)})),
         "sensors": each(Role.THING, Shape(keys={"joint": THING, "force": THING, "load": THING}), "a sensor"),
     }
@@ -191,6 +205,7 @@ CONTACTS = Shape(
 )
 KINDS: Mapping[str, Shape] = {
     "domain": DOMAIN,
+    "device": DEVICE,
     "problem": PROBLEM,
     "faults": FAULTS,
     "cell": CELL,

@@ -55,6 +55,17 @@ def domain_file(reader: Reader) -> Path:
     """
     node = reader.root.descend(("domain",))
     name, here = str(node.value), Path(reader.root.file.path).parent
+    if (found := domain_called(name, here)) is not None:
+        return found
+    known = bundled()
+    beside = [called for each in (here.parent, here) if (called := _name_in(each / DOMAIN_FILE))]
+    hint = nearest(name, [*beside, *known]) or _suggestion(beside, list(known))
+    unknown = Diagnostic(node.where, "K401", f"unknown domain '{name[:60]}'", hint)
+    raise InvalidInput([*reader.findings.diagnostics, unknown])
+
+
+def domain_called(name: str, here: Path) -> Path | None:
+    """The domain that a problem in the folder `here` means by a name or path; None if there is none."""
     for candidate in (here.parent / DOMAIN_FILE, here / DOMAIN_FILE):
         if _is_called(candidate, name) or (is_there(candidate) and not _name_in(candidate)):
             return candidate
@@ -64,10 +75,7 @@ def domain_file(reader: Reader) -> Path:
     for candidate in (*near, *own, *typed, *_moved(Path(name), here)):
         if is_file(candidate) and candidate.suffix in SUFFIXES:
             return candidate
-    beside = [called for each in (here.parent, here) if (called := _name_in(each / DOMAIN_FILE))]
-    hint = nearest(name, [*beside, *known]) or _suggestion(beside, list(known))
-    found = Diagnostic(node.where, "K401", f"unknown domain '{name[:60]}'", hint)
-    raise InvalidInput([*reader.findings.diagnostics, found])
+    return None
 
 
 def _moved(path: Path, here: Path) -> Iterator[Path]:

@@ -180,7 +180,8 @@ def _at(schema: Any, path: Path) -> Any:
         if isinstance(part, int):
             at = at.get("items", {})
         else:
-            at = at.get("properties", {}).get(part) or at.get("additionalProperties") or {}
+            more = at.get("additionalProperties")
+            at = at.get("properties", {}).get(part) or (more if isinstance(more, dict) else {})
     return _resolved(schema, at)
 
 

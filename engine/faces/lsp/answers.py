@@ -2,7 +2,7 @@
 
 from lsprotocol import types
 
-from engine.faces.lsp.desk import Desk, Here
+from engine.faces.lsp.desk import Desk, Here, Page
 from kb.editing.completing import Completion, completions
 from kb.editing.describing import comment, description
 from kb.editing.index import FileIndex, Symbol
@@ -143,18 +143,18 @@ def _location(desk: Desk, file: FileIndex, each: Occurrence) -> types.Location:
 
 def symbols(desk: Desk, asked: types.DocumentSymbolParams) -> list[types.DocumentSymbol]:
     """The outline of a file."""
-    here = desk.here(asked.text_document.uri)
-    return [] if here is None else [_entry(here, each) for each in outline(here.file)]
+    page = desk.page(asked.text_document.uri)
+    return [] if page is None else [_entry(page, each) for each in outline(page.file)]
 
 
-def _entry(here: Here, each: Entry) -> types.DocumentSymbol:
+def _entry(page: Page, each: Entry) -> types.DocumentSymbol:
     end = max(each.end, each.name_end)
     return types.DocumentSymbol(
         each.name or "?",
         OUTLINED.get(each.kind, types.SymbolKind.Object),
-        here.lines.range(each.start, end),
-        here.lines.range(each.name_start, each.name_end),
-        children=[_entry(here, part) for part in each.parts],
+        page.lines.range(each.start, end),
+        page.lines.range(each.name_start, each.name_end),
+        children=[_entry(page, part) for part in each.parts],
     )
 
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,22 +12,30 @@ from engine.faces.lsp.positions import Lines, changed
 from engine.pipelines.editing import Seen
 from kb.diagnostics import InvalidInput
 from kb.editing.describing import Known
+from kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
 from kb.editing.index import FileIndex, Index
 from kb.files import read_file, reading
-from kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, domain_of, problem_files
+from kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, problem_files
 from kb.loader.faults import FAULTS_FILE
+from kb.loader.references import domain_called
+from kb.targets import DEVICE_FILE
 
 UP = 3  # folders above a file in which the file of its domain is looked for
 BESIDE = (CELL_FILE, CONTACTS_FILE, FAULTS_FILE)
-_DOMAIN_LINE = re.compile(r"^(?:domain|problem)[ \t]*:.*$", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
-class Here:
-    """A file, its lines, and the index of all files that belong to it."""
+class Page:
+    """A file and its lines."""
 
     file: FileIndex
     lines: Lines
+
+
+@dataclass(frozen=True, slots=True)
+class Here(Page):
+    """A file, its lines, and the index of all files that belong to it."""
+
     index: Index
 
 
@@ -43,7 +50,9 @@ class Desk:
     _read: dict[str, tuple[tuple[int, int], FileIndex]] = field(default_factory=dict)
     _open: dict[str, FileIndex] = field(default_factory=dict)
     _lines: dict[str, Lines] = field(default_factory=dict)
-    _domains: dict[str, tuple[tuple[str, ...], str]] = field(default_factory=dict)
+    _devices: dict[str, tuple[str, dict[str, FileIndex | None], tuple[DeviceIndex, ...]]] = field(
+        default_factory=dict
+    )
     _indexes: dict[str, tuple[tuple[int, ...], Index]] = field(default_factory=dict)
 
     def open(self, document: types.TextDocumentItem) -> str:
@@ -80,11 +89,16 @@ class Desk:
 
     def here(self, uri: str) -> Here | None:
         """A file with all that belongs to it; None if it cannot be read."""
-        path = path_of(uri)
-        file = self.file(path)
-        if file is None:
+        if (page := self.page(uri)) is None:
             return None
-        return Here(file, self.lines(file), self.index(path, file))
+        index = self.index(page.file.path, page.file)
+        file = next(each for each in index.files.values() if each.path == page.file.path)
+        return Here(file, page.lines, index)
+
+    def page(self, uri: str) -> Page | None:
+        """A file alone; None if it cannot be read."""
+        file = self.file(path_of(uri))
+        return None if file is None else Page(file, self.lines(file))
 
     def file(self, path: str) -> FileIndex | None:
         """The index of one file; None if it cannot be read."""
@@ -109,37 +123,51 @@ class Desk:
         """The file of the domain that a file belongs to; empty if there is none."""
         if os.path.basename(path) == DOMAIN_FILE:
             return path
+        if _of_device(path):
+            return self._user(path)
         for domain, seen in self.seen.items():
             if path in seen.read and not path.endswith((".yaml", ".yml")):
                 return domain
-        said = (*self._heads(path), *self._heads(_near(path)))
-        if path in self._domains and self._domains[path][0] == said:
-            return self._domains[path][1]
         file = self.file(path)
-        try:
-            if file is None or file.kind != "problem":
-                return _near(path)
-            with reading(self.texts):
-                found = os.path.abspath(domain_of(path))
-        except InvalidInput:
-            return _near(path)  # until the loader can tell
-        self._domains[path] = said, found
-        return found
-
-    def _heads(self, path: str) -> tuple[str, ...]:
-        """The lines with which a file names itself and its domain."""
-        file = self.file(path) if path else None
-        return tuple(_DOMAIN_LINE.findall(file.text)) if file is not None else ()
+        if file is None or file.kind != "problem":
+            return _near(path)
+        with reading(self.texts):
+            name = next((each.name for _, each in file.occurrences() if each.space == "domain"), "")
+            found = domain_called(name, Path(path).parent) if name else None
+        return os.path.abspath(found) if found is not None else _near(path)
 
     def index(self, path: str, file: FileIndex) -> Index:
         """The index of all files that belong to the domain of a file."""
         domain = self.domain(path)
-        files = {each: found for each in self._together(domain) if (found := self.file(each))}
-        files[path] = file
+        devices = self.devices(domain)
+        folders = {os.path.dirname(each.path) for each in devices}
+        together = (each for each in self._together(domain) if os.path.dirname(each) not in folders)
+        files = {each: found for each in together if (found := self.file(each))}
+        files |= {f"{each.path}#{each.use}": each for each in devices}
+        if all(each.path != path for each in devices):
+            files[path] = file
         marks = tuple(id(each) for each in files.values())
         if domain not in self._indexes or self._indexes[domain][0] != marks:
             self._indexes[domain] = marks, Index(files)
         return self._indexes[domain][1]
+
+    def devices(self, domain: str) -> tuple[DeviceIndex, ...]:
+        """The files of the devices that a domain uses, as it fills them in."""
+        if not domain or (file := self.file(domain)) is None:
+            return ()
+        section = section_of_uses(file.text)
+        said, marks, found = self._devices.get(domain, ("", {}, ()))
+        if section != said or any(self.file(path) is not mark for path, mark in marks.items()):
+            with reading(self.texts) as read:
+                found = tuple(devices_in_use(section, Path(domain)))
+            self._devices[domain] = section, {path: self.file(path) for path in read.read}, found
+        return found
+
+    def _user(self, path: str) -> str:
+        """The domain that uses the device that a file belongs to: an open one, else one near the file."""
+        domains = dict.fromkeys(self.domain(each) for each in [*self.texts] if not _of_device(each))
+        users = (each for each in domains if any(path == used.path for used in self.devices(each)))
+        return next(users, _near(path))
 
     def _together(self, domain: str) -> dict[str, None]:
         """The files of a domain: those that it includes, that were read with it, that lie beside it, and its problems."""
@@ -166,6 +194,11 @@ class Desk:
 def path_of(uri: str) -> str:
     """The absolute path of a file."""
     return os.path.abspath(to_fs_path(uri) or uri)
+
+
+def _of_device(path: str) -> bool:
+    """Whether a file lies in the folder of a device."""
+    return os.path.isfile(os.path.join(os.path.dirname(path), DEVICE_FILE))
 
 
 def _near(path: str) -> str:

@@ -31,40 +31,42 @@ def rename(desk: Desk, asked: types.RenameParams) -> types.WorkspaceEdit | None:
         return None
     try:
         offset = here.lines.offset(asked.position)
-        return workspace_edit(desk, here, renamed(here.index, here.file, offset, asked.new_name))
+        return workspace_edit(desk, renamed(here.index, here.file, offset, asked.new_name))
     except NotRenamed as refused:
         raise JsonRpcInvalidParams(message=str(refused)) from None
 
 
-def workspace_edit(desk: Desk, here: Here, changes: Iterable[Change]) -> types.WorkspaceEdit:
+def workspace_edit(desk: Desk, changes: Iterable[Change]) -> types.WorkspaceEdit:
     """Changes of files as the editor applies them."""
     edits: dict[str, list[types.TextEdit]] = {}
     for each in changes:
-        lines = desk.lines(here.index.files[each.path])
-        edit = types.TextEdit(lines.range(each.start, each.end), each.text)
+        if (file := desk.file(each.path)) is None:
+            continue
+        edit = types.TextEdit(desk.lines(file).range(each.start, each.end), each.text)
         edits.setdefault(desk.uri(each.path), []).append(edit)
     return types.WorkspaceEdit(changes=edits)
 
 
 def actions(desk: Desk, asked: types.CodeActionParams) -> list[types.CodeAction]:
     """What can be done about the findings at a place."""
-    if (here := desk.here(asked.text_document.uri)) is None:
+    here = desk.here(asked.text_document.uri) if asked.context.diagnostics else None
+    if here is None:
         return []
     return [
-        _action(desk, here, shown, fix)
+        _action(desk, shown, fix)
         for shown in asked.context.diagnostics
         if (finding := _finding(here, shown)) is not None
         for fix in fixes(here.index, here.file, finding)
     ]
 
 
-def _action(desk: Desk, here: Here, shown: types.Diagnostic, fix: Fix) -> types.CodeAction:
+def _action(desk: Desk, shown: types.Diagnostic, fix: Fix) -> types.CodeAction:
     return types.CodeAction(
         fix.title,
         kind=types.CodeActionKind.QuickFix,
         diagnostics=[shown],
         is_preferred=fix.preferred,
-        edit=workspace_edit(desk, here, fix.changes),
+        edit=workspace_edit(desk, fix.changes),
     )
 
 
@@ -81,12 +83,12 @@ def _finding(here: Here, shown: types.Diagnostic) -> Diagnostic | None:
 
 def formatting(desk: Desk, asked: types.DocumentFormattingParams) -> list[types.TextEdit]:
     """The text in its usual form, as one change; none if it is broken."""
-    if (here := desk.here(asked.text_document.uri)) is None:
+    if (page := desk.page(asked.text_document.uri)) is None:
         return []
     try:
-        text = formatted(here.file.path, here.file.text)
+        text = formatted(page.file.path, page.file.text)
     except InvalidInput:
         return []
-    if text == here.file.text:
+    if text == page.file.text:
         return []
-    return [types.TextEdit(here.lines.range(0, len(here.file.text)), text)]
+    return [types.TextEdit(page.lines.range(0, len(page.file.text)), text)]

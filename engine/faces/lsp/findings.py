@@ -5,12 +5,13 @@ import os
 from collections.abc import Callable, Iterable, Mapping
 
 from lsprotocol import types
+from pygls.uris import from_fs_path
 
 from engine.faces.lsp.desk import Desk
 from engine.faces.lsp.helper import Helper
 from engine.faces.lsp.positions import Lines
 from engine.pipelines.editing import Seen, quick, thorough
-from kb.diagnostics import Diagnostic
+from kb.diagnostics import Diagnostic, Source
 
 SOON, LATER = 0.05, 1.0  # seconds of rest before a domain is read, and before it is checked
 QUICK, THOROUGH = 30.0, 120.0  # seconds that this may take
@@ -102,8 +103,17 @@ def diagnostic(found: Diagnostic, lines: Lines) -> types.Diagnostic:
                                   "message": found.message, "hint": found.hint}  # fmt: skip
     return types.Diagnostic(
         lines.range(start, _end(lines.text, start, found.where.column)),
-        message, severity, found.code, source="cellwright", data=data,
+        message, severity, found.code, source="cellwright", data=data, related_information=_used(found.where),
     )  # fmt: skip
+
+
+def _used(where: Source) -> list[types.DiagnosticRelatedInformation] | None:
+    """Where the device is used in whose file a finding is."""
+    if (used := where.used) is None:
+        return None
+    place = types.Position(max(used.line - 1, 0), max(used.column - 1, 0))
+    uri = from_fs_path(os.path.abspath(used.path)) or used.path
+    return [types.DiagnosticRelatedInformation(types.Location(uri, types.Range(place, place)), "used here")]
 
 
 def _end(text: str, start: int, column: int) -> int:

@@ -27,14 +27,14 @@ _MAIN = "from engine.faces.cli.unsaved import main; main()"
 
 def lenses(desk: Desk, asked: types.CodeLensParams) -> list[types.CodeLens]:
     """The orders that a file can be given, above its first line."""
-    here = desk.here(asked.text_document.uri)
+    page = desk.page(asked.text_document.uri)
     found = (
-        _HEAD.search(here.file.text) if here is not None and here.file.kind in ("problem", "domain") else None
+        _HEAD.search(page.file.text) if page is not None and page.file.kind in ("problem", "domain") else None
     )
-    if here is None or found is None:
+    if page is None or found is None:
         return []
-    commands = list(ORDERS)[:3] if here.file.kind == "problem" else list(ORDERS)[3:]
-    where = here.lines.range(found.start(), found.end())
+    commands = list(ORDERS)[:3] if page.file.kind == "problem" else list(ORDERS)[3:]
+    where = page.lines.range(found.start(), found.end())
     uri = asked.text_document.uri
     return [
         types.CodeLens(where, types.Command(ORDERS[each], command=each, arguments=[uri])) for each in commands

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -106,11 +107,12 @@ class Uses:
             for port in use.device.needs:
                 if port not in use.values:
                     self._fill(use, port, wrong)
-        if wrong:
-            raise InvalidInput(wrong)
         for use in self.found.values():
             for port in use.device.needs:
-                use.values |= self._partner(port, use.values[port])
+                if port in use.values:
+                    use.values |= self._partner(port, use.values[port])
+        if wrong:
+            raise InvalidInput(wrong)
 
     def _partner(self, port: str, value: str) -> dict[str, str]:
         """The names of the device that fills a port, as `PORT_NAME`: what a lid says of the fingers of the hand."""
@@ -147,6 +149,17 @@ def uses_of(root: Node, domain: Path) -> list[Use]:
     uses = Uses(available(domain), section.value)
     uses.add(section.value)
     uses.bind()
+    return list(uses.found.values())
+
+
+def readable_uses(section: Mapping[str, tuple[Node, Node]], domain: Path) -> list[Use]:
+    """The uses in a `use` section that can be read, in the order of `uses_of`. What is wrong with one hides no other."""
+    uses = Uses(available(domain), section)
+    for name, entry in section.items():
+        with suppress(InvalidInput):
+            uses.add({name: entry})
+    with suppress(InvalidInput):
+        uses.bind()
     return list(uses.found.values())
 
 

@@ -26,7 +26,7 @@ class Filled(File):
 
     def at(self, index: int) -> Source:
         """The place of a character in the file as it was written, with the place of the use."""
-        return replace(self.written.at(self._as_written(index)), used=self.used)
+        return replace(self.written.at(self.as_written(index)), used=self.used)
 
     def beside(self, path: Path) -> File:
         """Another file of the device, filled in with the same values."""
@@ -36,7 +36,8 @@ class Filled(File):
         """The place where the device is used."""
         return self.used
 
-    def _as_written(self, index: int) -> int:
+    def as_written(self, index: int) -> int:
+        """Where a character of the text stands in the file as it was written."""
         shift = 0
         for start, end, origin in self.cuts:
             if index < start:

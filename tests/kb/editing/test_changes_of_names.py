@@ -1,19 +1,20 @@
 """New names: what is renamed means the same under its new name, and what cannot be renamed is refused with a reason."""
 
+import re
 import shutil
 from collections import defaultdict
 from pathlib import Path
 
 import pytest
-from test_names_in_files import index_of
+from test_names_in_files import LABORATORY, index_of
 
+from kb.check import check_domain
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.editing.changing import NotRenamed, renamed
 from kb.editing.fixes import fixes
 from kb.editing.index import FileIndex, Index
 from kb.loader import load, problem_files
 from kb.loader.faults import load_faults
-from kb.targets import BUNDLED
 
 RENAMED = [
     ("accessible(place)", "reachable", "predicate"),
@@ -46,7 +47,7 @@ def everything(folder: Path) -> str:
 
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(BUNDLED / "themse", tmp_path / "themse"))
+    return Path(shutil.copytree(LABORATORY, tmp_path / "themse"))
 
 
 @pytest.mark.parametrize(("where", "name", "space"), RENAMED)
@@ -69,7 +70,7 @@ def test_a_renamed_domain_loads_and_names_nothing_by_its_old_name(
     place = next(each.start for _, each in back.named(name))
     apply(again, list(renamed(again, back, place, old)))
     assert {path.name: path.read_text() for path in cell.rglob("*.yaml")} == {
-        path.name: path.read_text() for path in (BUNDLED / "themse").rglob("*.yaml")
+        path.name: path.read_text() for path in LABORATORY.rglob("*.yaml")
     }
 
 
@@ -89,7 +90,7 @@ def test_a_renamed_domain_loads_and_names_nothing_by_its_old_name(
     ],
 )
 def test_what_cannot_be_renamed_is_refused(where: str, name: str, why: str) -> None:
-    index = index_of(BUNDLED / "themse")
+    index = index_of(LABORATORY)
     file = next(file for path, file in index.files.items() if path.endswith("domain.yaml"))
     with pytest.raises(NotRenamed, match=why):
         list(renamed(index, file, file.text.index(where), name))
@@ -144,3 +145,35 @@ def test_a_finding_beyond_the_text_has_no_fix() -> None:
     file = FileIndex.of("domain.yaml", "domain: d\n")
     finding = Diagnostic(Source("domain.yaml", 90, 3), "K101", "unknown type 'x'", "did you mean 'y'?")
     assert list(fixes(Index({"domain.yaml": file}), file, finding)) == []
+
+
+def fixed(domain: Path, code: str) -> str:
+    """The text of a domain after the first fix of the first finding with a code."""
+    finding = next(each for each in findings(domain) if each.code == code)
+    index = index_of(domain.parent)
+    fix = next(fixes(index, index.files[str(domain)], finding))
+    apply(index, list(fix.changes))
+    return domain.read_text()
+
+
+def test_a_missing_key_is_added(cell: Path) -> None:
+    domain = cell / "domain.yaml"
+    before = domain.read_text()
+    domain.write_text(before.replace("domain: themse\n", ""))
+    after = fixed(domain, "K005")
+    assert "domain: \ninclude:" in after
+    domain.write_text(after.replace("domain: \n", "domain: themse\n"))
+    assert [each for each in findings(domain) if not each.warning] == []
+
+
+def test_what_nothing_uses_is_removed(cell: Path) -> None:
+    domain = cell / "domain.yaml"
+    text = domain.read_text()
+    domain.write_text(re.sub(r"(?m)^(statics:.*\n)", r"\1  polished(probe): {}\n", text))
+    found = [each for each in check_domain(load(domain).domain) if "polished" in each.message]
+    assert [each.code for each in found] == ["K309"]
+    index = index_of(cell)
+    (fix,) = [each for each in fixes(index, index.files[str(domain)], found[0]) if "remove" in each.title]
+    assert fix.title == "remove 'polished'"
+    apply(index, list(fix.changes))
+    assert domain.read_text() == text

@@ -3,18 +3,17 @@
 from pathlib import Path
 
 import pytest
-from test_names_in_files import index_of
+from test_names_in_files import LABORATORY, index_of
 
 from kb.editing.completing import completions
 from kb.editing.context import context
 from kb.editing.describing import Known, description
 from kb.editing.index import FileIndex, Index
-from kb.targets import BUNDLED
 
 
 @pytest.fixture(scope="module")
 def themse() -> Index:
-    return index_of(BUNDLED / "themse")
+    return index_of(LABORATORY)
 
 
 def offered(index: Index, name: str, old: str, new: str) -> set[str]:

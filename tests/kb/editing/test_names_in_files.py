@@ -5,11 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
 from kb.editing.index import FileIndex, Index, Symbol
 from kb.editing.tokens import mentions
 from kb.loader import load
 from kb.loader.tolerant import pieces, tree_of
 from kb.targets import BUNDLED
+
+LABORATORY = Path(__file__).with_name("laboratory")  # declares all of its names itself
 
 DOMAINS = ["themse", "bulkhead", "centrifuge", "handey"]
 
@@ -17,7 +20,10 @@ DOMAINS = ["themse", "bulkhead", "centrifuge", "handey"]
 def index_of(folder: Path) -> Index:
     """All files of a domain."""
     files = [*folder.glob("*.yaml"), *folder.glob("*.lp"), *folder.glob("problems/*.yaml")]
-    return Index({str(path): FileIndex.of(str(path), path.read_text()) for path in sorted(files)})
+    found = {str(path): FileIndex.of(str(path), path.read_text()) for path in sorted(files)}
+    domain = folder / "domain.yaml"
+    devices = devices_in_use(section_of_uses(domain.read_text()), domain)
+    return Index({**found, **{f"{each.path}#{each.use}": each for each in devices}})
 
 
 def file_of(index: Index, name: str) -> FileIndex:
@@ -26,13 +32,13 @@ def file_of(index: Index, name: str) -> FileIndex:
 
 @pytest.fixture(scope="module")
 def themse() -> Index:
-    return index_of(BUNDLED / "themse")
+    return index_of(LABORATORY)
 
 
 @pytest.mark.parametrize("name", DOMAINS)
 def test_the_index_declares_what_the_loader_declares(name: str) -> None:
     domain, index = load(BUNDLED / name / "domain.yaml").domain, index_of(BUNDLED / name)
-    own = Index({path: file for path, file in index.files.items() if path.endswith("domain.yaml")})
+    own = Index({path: file for path, file in index.files.items() if file.kind in ("domain", "device")})
     assert {each.name for each in own.of_space("predicate")} == set(domain.predicates)
     assert {each.name for each in own.of_space("type")} == set(domain.types)
     assert {each.name for each in own.of_space("function")} == set(domain.functions)
@@ -48,7 +54,9 @@ def test_the_index_declares_what_the_loader_declares(name: str) -> None:
 def test_every_occurrence_stands_where_it_says(name: str) -> None:
     for file in index_of(BUNDLED / name).files.values():
         for _, each in file.occurrences():
-            if not each.ranged:
+            if not each.ranged and not (
+                isinstance(file, DeviceIndex) and "$" in file.text[each.start : each.end]
+            ):
                 assert file.text[each.start : each.end] == each.name
 
 
@@ -134,7 +142,7 @@ def test_the_pieces_of_a_sound_file_hold_all_that_the_strict_reader_reads(name: 
 
 
 def test_an_unfinished_line_spoils_no_other_entry() -> None:
-    text = (BUNDLED / "themse" / "domain.yaml").read_text()
+    text = (LABORATORY / "domain.yaml").read_text()
     whole = {each.written() for each in FileIndex.of("domain.yaml", text).declared()}
     for cut in (
         "  heat(Probe, Depot",
@@ -154,7 +162,7 @@ def test_a_range_declares_each_of_its_names() -> None:
 
 
 def test_what_was_read_of_a_piece_moves_with_it(tmp_path: Path) -> None:
-    shutil.copytree(BUNDLED / "themse", tmp_path / "themse")
+    shutil.copytree(LABORATORY, tmp_path / "themse")
     text = (tmp_path / "themse" / "domain.yaml").read_text()
     before = [each for _, each in FileIndex.of("domain.yaml", text).occurrences()]
     after = [each for _, each in FileIndex.of("domain.yaml", f"# moved\n{text}").occurrences()]

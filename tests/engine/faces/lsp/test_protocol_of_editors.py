@@ -119,7 +119,7 @@ def cell(editor: Editor) -> Path:
 def test_an_edit_is_diagnosed_fixed_and_forgotten(editor: Editor, cell: Path) -> None:
     domain = cell / "domain.yaml"
     text = domain.read_text()
-    wrong = text.replace("accessible(Place)", "acessible(Place)", 1)
+    wrong = text.replace("goal: inside(P, drawer)", "goal: insde(P, drawer)", 1)
     editor.open(domain, wrong)
     (found,) = editor.diagnostics(domain, True)
     assert found["code"] == "K101"
@@ -134,7 +134,7 @@ def test_an_edit_is_diagnosed_fixed_and_forgotten(editor: Editor, cell: Path) ->
     (edit,) = action["edit"]["changes"][domain.as_uri()]
     line = wrong.split("\n")[edit["range"]["start"]["line"]]
     span = slice(edit["range"]["start"]["character"], edit["range"]["end"]["character"])
-    assert (line[span], edit["newText"]) == ("acessible", "accessible")
+    assert (line[span], edit["newText"]) == ("insde", "inside")
     editor.change(domain, text)
     assert editor.diagnostics(domain, False) == []
 
@@ -164,6 +164,72 @@ def test_a_lens_plans_the_text_of_the_editor(editor: Editor, cell: Path) -> None
     assert "heat(" not in answer["text"]  # what the editor has, not what is on the disk
     page = editor.hear("window/showDocument")["uri"]
     assert page.endswith("plan-two.txt")
+
+
+def ordered(editor: Editor, path: Path, title: str) -> dict[str, Any]:
+    """The request that the lens with a title above a file stands for."""
+    lenses = editor.ask("textDocument/codeLens", {"textDocument": {"uri": path.as_uri()}})
+    command = next(each["command"] for each in lenses if each["command"]["title"] == title)
+    return {"command": command["command"], "arguments": command["arguments"]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "title", "said"),
+    [
+        ("problems/in_furnace.yaml", "run", "all goals are reached"),
+        ("problems/in_furnace.yaml", "explain", "there is a plan of 5 steps"),
+        ("domain.yaml", "check", "no errors in"),
+    ],
+)
+def test_every_lens_does_what_it_says(editor: Editor, cell: Path, name: str, title: str, said: str) -> None:
+    path = cell / name
+    editor.open(path, path.read_text())
+    answer = editor.ask("workspace/executeCommand", ordered(editor, path, title))
+    assert answer["exit_code"] == 0, answer
+    assert said in answer["text"]
+
+
+@pytest.mark.slow
+def test_a_lens_that_is_cancelled_ends_at_once(editor: Editor, cell: Path) -> None:
+    path = cell / "domain.yaml"
+    editor.open(path, path.read_text())
+    request = ordered(editor, path, "check")
+    while not editor.told.empty():
+        editor.told.get()
+    editor.send({"id": 1, "method": "workspace/executeCommand", "params": request})
+    token = editor.hear("window/workDoneProgress/create")["token"]
+    assert editor.hear("$/progress")["value"]["cancellable"]
+    editor.send({"method": "window/workDoneProgress/cancel", "params": {"token": token}})
+    answer = editor.answers.get(timeout=120)["result"]
+    assert answer["exit_code"] == -9, answer
+    assert answer["text"] == ""
+    hover = {"textDocument": {"uri": path.as_uri()}, "position": {"line": 2, "character": 1}}
+    assert editor.ask("textDocument/hover", hover)  # the server goes on
+
+
+def test_a_name_of_a_device_leads_to_its_file_and_errors_there_are_told(editor: Editor, cell: Path) -> None:
+    device = cell / "devices" / "shaker" / "device.yaml"
+    device.parent.mkdir(parents=True)
+    text = "device: shaker\nabout: shakes\nfluents:\n  shaken(probe): {weight: 3}\noperators:\n" \
+        "  $name(Probe):\n    preconditions: at(Probe, Place)\n    adds: shaken(Probe)\n"  # fmt: skip
+    device.write_text(text.replace("Place", "mars_gripper"))
+    domain = cell / "domain.yaml"
+    own = domain.read_text().replace("  freezer: {}", "  freezer: {}\n  shaker: {}")
+    editor.open(domain, own)
+    at = {"line": own[: own.index("shaker: {}")].count("\n"), "character": 4}
+    asked = {"textDocument": {"uri": domain.as_uri()}, "position": at}
+    (found,) = editor.ask("textDocument/definition", asked)
+    assert found["uri"] == device.as_uri()
+    editor.open(device, text.replace("at(Probe, Place)", "att(Probe, mars_gripper)"))
+    (wrong,) = editor.diagnostics(device, True)
+    assert (wrong["code"], wrong["range"]["start"]["line"]) == ("K101", 6)
+    (used,) = wrong["relatedInformation"]
+    assert (used["location"]["uri"], used["location"]["range"]["start"]["line"]) == (
+        domain.as_uri(),
+        at["line"],
+    )
+    editor.change(domain, domain.read_text())
 
 
 def test_the_session_ends_with_its_processes(editor: Editor) -> None:
