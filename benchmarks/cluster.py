@@ -6,8 +6,8 @@ Each problem has a cell of its own (a copy of `themse`), so that none serves ano
 `speed`: the problems are prepared with one process, with two, and by a cluster with two workers, in turns; seconds of the clock, and
 of the processor, because other work on the machine slows two processes more than one. `mishaps`: a worker, the scheduler, the command
 or the database is killed at a random moment; what was killed is started again, and the command, until it has finished. Then the store
-must be the one of an undisturbed preparation, and no unit that was noted as finished may have been carried out again (its MACROP would
-count a use). A unit that was killed after it had learned, and before this was noted, is looked up and counts one. With `--json` what was tried is kept there, and the next call goes on behind it. Exits with 1 if two are less than 1.8 times as fast as
+must be the one of an undisturbed preparation, counts too, and no unit that was noted as finished may have been carried out again (its
+MACROP would count a use). With `--json` what was tried is kept there, and the next call goes on behind it. Exits with 1 if two are less than 1.8 times as fast as
 one, or if a store differs.
 """
 
@@ -28,9 +28,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cluster_mishaps import VICTIMS, Trial, knowledge, tried
+from cluster_mishaps import VICTIMS, Trial, tried
 from clusters import Cluster
 from postgres import PROGRAMS, Server, server
+from store_content import knowledge
 
 ROOT = Path(__file__).parents[1]
 BAR = 1.8

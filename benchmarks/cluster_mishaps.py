@@ -15,6 +15,7 @@ from typing import Any
 
 from clusters import Cluster
 from postgres import Server, emptied
+from store_content import knowledge, rows
 
 from engine.pipelines.preparation import prepare
 from engine.pipelines.units import Crew, crew_of
@@ -142,43 +143,12 @@ def _ended(child: int) -> int:
 
 def _noted(store: str) -> frozenset[int]:
     """The MACROPs of the units that the ledger of a store holds."""
-    return frozenset(json.loads(row[3])["macrop"] for row in _rows(store, "units"))
+    return frozenset(json.loads(row[3])["macrop"] for row in rows(store, "units"))
 
 
 def _used(store: str) -> frozenset[int]:
     """The MACROPs that were used: their units were carried out again, because no other unit can use them."""
-    return frozenset(row[0] for row in _rows(store, "usage") if row[1])
-
-
-def _rows(store: str, table: str) -> list[tuple[Any, ...]]:
-    from sqlalchemy import text
-
-    from kb.store.engines import connected
-
-    engine = connected(store) if "://" in store or Path(store).is_file() else None
-    if engine is None:
-        return []
-    try:
-        with engine.connect() as connection:
-            return [tuple(row) for row in connection.execute(text(f"SELECT * FROM {table}"))]
-    except Exception:  # the database, or its table, is not there at this moment
-        return []
-    finally:
-        engine.dispose()
-
-
-def knowledge(store: str) -> dict[str, Any]:
-    """What a store holds, without the numbers that its rows got, the seconds that work took, and counts of uses."""
-    macrops = {row[0]: row for row in _rows(store, "macrops")}
-    return {
-        "macrops": sorted(row[1:] for row in macrops.values()),
-        "counted": sorted(macrops[row[0]][4] for row in _rows(store, "usage")),
-        "trials": sorted(_rows(store, "trials")),
-        "texts": sorted(row[1:] for row in _rows(store, "shared")),
-        "sequences": sorted(_rows(store, "sequences")),
-        "poses": sorted(_rows(store, "poses")),
-        "ledger": _rows(store, "units"),
-    }
+    return frozenset(row[0] for row in rows(store, "usage") if row[1])
 
 
 def _differences(wanted: dict[str, Any], found: dict[str, Any]) -> list[str]:

@@ -19,7 +19,7 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 BUSY_S = 60.0  # how long a SQLite writer waits for others
-MIGRATION, POSES = 0x43656C6C, 0x43656C6D  # keys of PostgreSQL's advisory locks
+MIGRATION, POSES, DRAFTS = 0x43656C6C, 0x43656C6D, 0x43656C6E  # keys of PostgreSQL's advisory locks
 POSTGRES = ("postgres", "postgresql", "postgresql+pg8000")
 
 

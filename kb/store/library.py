@@ -1,14 +1,13 @@
 """A library of MACROPs: the MACROPs, what each proof depends on, and how often each was used."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import AbstractContextManager
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from sqlalchemy import Connection, Engine, bindparam, delete, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.diagnostics import InvalidInput
 from kb.model.macro import Macrop
+from kb.store.counts import add_trials, add_uses
 from kb.store.documents import dumps, loads
 from kb.store.engines import is_writable, refusal, transaction
 from kb.store.notation import NotationError, Requirement
@@ -16,6 +15,8 @@ from kb.store.opening import Database, reading
 from kb.store.outlines import Outline, SharedTexts, chunks, words_of
 from kb.store.records import Figures, Record, Stored, Use
 from kb.store.schema import depends_text, fingerprint, macrops, outlines, trials, usage, version_of
+from kb.store.utilities import Figures as Utilities
+from kb.store.utilities import Utility, add_figures, figures_in
 
 
 class Library(Database):
@@ -58,10 +59,6 @@ class Library(Database):
         except InvalidInput as error:
             self._lose(error)
 
-    def transaction(self, writes: bool = False) -> AbstractContextManager[Connection]:
-        """One transaction, for other data about MACROPs. Raises `InvalidInput` if the database reports an error."""
-        return transaction(self._engine, self.target, writes)
-
     def add(self, records: Iterable[Record]) -> list[int | None]:
         """Store MACROPs. Returns the number of each, None for those that were stored before, or are lost."""
         made = list(records)
@@ -73,11 +70,15 @@ class Library(Database):
         texts = [(each, dumps(each.macrop)) for each in records]
         try:
             with transaction(self._engine, self.target, writes=True) as connection:
-                numbers = [_insert(connection, each, text) for each, text in texts]
-                self._describe(connection, [(n, r) for n, (r, _) in zip(numbers, texts, strict=True) if n])
+                return self._stored_by(connection, texts)
         except BaseException:
             self._shared.forget()
             raise
+
+    def _stored_by(self, connection: Connection, texts: Sequence[tuple[Record, str]]) -> list[int | None]:
+        """Store MACROPs with their documents in a transaction; their numbers, None for those that were stored before."""
+        numbers = [_insert(connection, each, text) for each, text in texts]
+        self._describe(connection, [(n, r) for n, (r, _) in zip(numbers, texts, strict=True) if n])
         return numbers
 
     def _describe(self, connection: Connection, new: list[tuple[int, Record]]) -> None:
@@ -208,28 +209,12 @@ class Library(Database):
 
     def _forget(self, numbers: Collection[int]) -> int:
         with transaction(self._engine, self.target, writes=True) as connection:
-            return sum(
-                connection.execute(delete(macrops).where(macrops.c.id.in_(chunk))).rowcount
-                for chunk in chunks(sorted(numbers))
-            )
+            return removed(connection, numbers)
 
     def note_uses(self, uses: Mapping[int, Use]) -> None:
         """Add uses to MACROPs."""
-        more = {
-            "uses": usage.c.uses + bindparam("times"),
-            "lookup_s": usage.c.lookup_s + bindparam("seconds"),
-        }
-        rows = [
-            {"number": number, "times": use.times, "seconds": use.lookup_s}
-            for number, use in sorted(uses.items())
-        ]
-        change = usage.update().where(usage.c.macrop == bindparam("number")).values(more)
-        if rows and self.writable:
-            self.kept(lambda: self._execute(change, rows))
-
-    def _execute(self, change: Any, rows: list[dict[str, Any]]) -> None:
-        with transaction(self._engine, self.target, writes=True) as connection:
-            connection.execute(change, rows)
+        if uses and self.writable:
+            self._written(lambda connection: add_uses(connection, uses))
 
     def trials(self, domain: str, signature: str) -> tuple[int, int]:
         """How often plans for goals of one signature could be composed of MACROPs, and how often not."""
@@ -241,15 +226,25 @@ class Library(Database):
     def note_trial(self, domain: str, signature: str, success: bool) -> None:
         """Count one more attempt to compose a plan."""
         if self.writable:
-            self.kept(lambda: self._note_trial(domain, signature, success))
+            counts = (int(success), int(not success))
+            self._written(lambda connection: add_trials(connection, domain, signature, *counts))
 
-    def _note_trial(self, domain: str, signature: str, success: bool) -> None:
-        one, other = int(success), int(not success)
-        with transaction(self._engine, self.target, writes=True) as connection:
-            insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
-            made = insert(trials).values(domain=domain, signature=signature, successes=one, failures=other)
-            more = {"successes": trials.c.successes + one, "failures": trials.c.failures + other}
-            connection.execute(made.on_conflict_do_update(index_elements=["domain", "signature"], set_=more))
+    def utilities(self, domain: str = "") -> dict[tuple[int, str], Utility]:
+        """The usefulness of all sub-sequences, or of those of one domain if it is named."""
+        with transaction(self._engine, self.target) as connection:
+            return figures_in(connection, domain)
+
+    def note_utilities(self, more: Utilities) -> None:
+        """Add to the usefulness of sub-sequences. What is said of removed MACROPs is dropped."""
+        if more:
+            self._written(lambda connection: add_figures(connection, more))
+
+    def _written(self, write: Callable[[Connection], None]) -> None:
+        def whole() -> None:
+            with transaction(self._engine, self.target, writes=True) as connection:
+                write(connection)
+
+        self.kept(whole)
 
     def figures(self) -> Figures:
         """The figures of the library."""
@@ -264,6 +259,14 @@ class Library(Database):
             count = connection.execute(select(func.count()).select_from(shapes)).scalar_one()
             schema = version_of(connection)
         return Figures(sum(domains.values()), count, int(uses or 0), float(seconds or 0.0), domains, schema)
+
+
+def removed(connection: Connection, numbers: Collection[int]) -> int:
+    """Remove MACROPs in a transaction; how many were there."""
+    return sum(
+        connection.execute(delete(macrops).where(macrops.c.id.in_(chunk))).rowcount
+        for chunk in chunks(sorted(numbers))
+    )
 
 
 def _insert(connection: Connection, record: Record, text: str) -> int | None:

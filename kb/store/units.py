@@ -5,14 +5,15 @@ unit whose input was edited is done again, and its new result takes the place of
 """
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from sqlalchemy import delete, select
+from sqlalchemy import Connection, delete, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.json_text import parsed
-from kb.store.engines import is_writable, transaction
+from kb.store.draft import Draft
+from kb.store.engines import DRAFTS, is_writable, lock, transaction
 from kb.store.opening import Database
 from kb.store.outlines import chunks
 from kb.store.schema import units
@@ -43,13 +44,32 @@ class UnitStore(Database):
 
         In a library that may only be read nothing is kept.
         """
+        if is_writable(self._engine):
+            with transaction(self._engine, self.target, writes=True) as connection:
+                self._keep(connection, name, key, result)
+
+    def settle(self, name: str, key: str, draft: Draft, result: Callable[[], Mapping[str, Any]]) -> bool:
+        """Write a draft and keep the result of its unit, in one transaction. `result` is asked when the draft is written.
+
+        Nothing is written, and the answer is False, if the unit was settled by another process in the meantime, or if the
+        library may only be read.
+        """
         if not is_writable(self._engine):
-            return
-        row = {"key": key, "document": json.dumps(result, ensure_ascii=False)}
+            return False
         with transaction(self._engine, self.target, writes=True) as connection:
-            insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
-            made = insert(units).values(kind=self.kind, name=name, **row)
-            connection.execute(made.on_conflict_do_update(index_elements=["kind", "name"], set_=row))
+            lock(connection, DRAFTS)  # drafts change rows in no common order
+            mine = (units.c.kind == self.kind) & (units.c.name == name) & (units.c.key == key)
+            if connection.execute(select(units.c.key).where(mine)).first() is not None:
+                return False
+            draft.write(connection)
+            self._keep(connection, name, key, result())
+            return True
+
+    def _keep(self, connection: Connection, name: str, key: str, result: Mapping[str, Any]) -> None:
+        row = {"key": key, "document": json.dumps(result, ensure_ascii=False)}
+        insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
+        made = insert(units).values(kind=self.kind, name=name, **row)
+        connection.execute(made.on_conflict_do_update(index_elements=["kind", "name"], set_=row))
 
     def clear(self, names: Collection[str]) -> None:
         """Remove the results of units: the whole is finished."""

@@ -6,10 +6,9 @@ Figures are only increased by additions, so that any number of processes may cou
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from sqlalchemy import select
+from sqlalchemy import Connection, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from kb.store.library import Library
 from kb.store.schema import macrops, utility
 
 RARELY, SELDOM = 8, 4  # after 8 offers, at least one in 4 must have been used
@@ -51,39 +50,26 @@ Figures = Mapping[tuple[int, str], Utility]
 """Figures by the number of the MACROP and the kind of search."""
 
 
-class Utilities:
-    """The figures in a library. Raises `InvalidInput` if the database reports an error."""
+def figures_in(connection: Connection, domain: str = "") -> dict[tuple[int, str], Utility]:
+    """All figures of a library, or those of one domain if it is named."""
+    asked = select(utility).join_from(utility, macrops).order_by(utility.c.macrop, utility.c.search)
+    if domain:
+        asked = asked.where(macrops.c.domain == domain)
+    rows = connection.execute(asked).all()
+    return {(int(row[0]), str(row[1])): Utility(*map(int, row[2:])) for row in rows}
 
-    def __init__(self, library: Library) -> None:
-        self._library = library
 
-    def of(self, domain: str = "") -> dict[tuple[int, str], Utility]:
-        """All figures, or those of one domain if it is named."""
-        asked = select(utility).join_from(utility, macrops).order_by(utility.c.macrop, utility.c.search)
-        if domain:
-            asked = asked.where(macrops.c.domain == domain)
-        with self._library.transaction() as connection:
-            rows = connection.execute(asked).all()
-        return {(int(row[0]), str(row[1])): Utility(*map(int, row[2:])) for row in rows}
-
-    def note(self, more: Figures) -> None:
-        """Add to the figures. Figures of removed MACROPs are dropped."""
-        if more:
-            self._library.kept(lambda: self._note(more))
-
-    def _note(self, more: Figures) -> None:
-        with self._library.transaction(writes=True) as connection:
-            insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
-            numbers = {number for number, _ in more}
-            known = set(connection.scalars(select(macrops.c.id).where(macrops.c.id.in_(numbers))))
-            for (number, search), each in sorted(_of_known(more, known)):
-                names = ("offered", "used", "trials", "without", "beside")
-                values = {name: getattr(each, name) for name in names}
-                made = insert(utility).values(macrop=number, search=search, **values)
-                added = {name: utility.c[name] + value for name, value in values.items()}
-                connection.execute(
-                    made.on_conflict_do_update(index_elements=["macrop", "search"], set_=added)
-                )
+def add_figures(connection: Connection, more: Figures) -> None:
+    """Add to the figures. Figures of removed MACROPs are dropped."""
+    insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
+    numbers = {number for number, _ in more}
+    known = set(connection.scalars(select(macrops.c.id).where(macrops.c.id.in_(numbers))))
+    for (number, search), each in sorted(_of_known(more, known)):
+        names = ("offered", "used", "trials", "without", "beside")
+        values = {name: getattr(each, name) for name in names}
+        made = insert(utility).values(macrop=number, search=search, **values)
+        added = {name: utility.c[name] + value for name, value in values.items()}
+        connection.execute(made.on_conflict_do_update(index_elements=["macrop", "search"], set_=added))
 
 
 def _of_known(more: Figures, known: set[int]) -> Iterable[tuple[tuple[int, str], Utility]]:

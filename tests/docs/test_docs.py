@@ -69,6 +69,8 @@ PLACEHOLDERS = {
     "JOB": "block.yaml",
     "RESULTS": "results.csv",
     "IMAGE": "image.npz",
+    "SOURCE": "STORE",
+    "URL": "copy.db",
 }
 ANSWERS = {0, exits.INFEASIBLE}
 # Others of the same verbs run quickly.
@@ -113,6 +115,7 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "points.csv").write_text(POINTS)
     (folder / "part.qif").write_text(PART)
     (folder / "set.json").write_text('{"problems": [{"from": "home", "to": "meas(m2)"}]}')
+    (folder / "truth.json").write_text('{"shift_mm": [1, 0, 2], "values": {"m1": 12}}')
     (folder / "acts.json").write_text('[{"joints": [0, -90, 90, -90, -90, 0], "jaws": "stay"}]')
     measure(folder)
     with contextlib.chdir(folder):

@@ -1,12 +1,17 @@
 """The gauging cell: the probe is calibrated before it is due, by count and by use, and couplant is refilled before it runs out."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from engine.faces.cli import app
 from engine.model.outcome import Found
 from engine.pipelines.objective import plan
-from kb.loader import load_problem
+from kb.loader import bundled, load_problem
+from kb.loader.faults import load_faults
 from kb.model.problem import Problem
 from kb.terms import Function, Number
 
@@ -30,8 +35,8 @@ def begun(problem: Problem, **levels: int) -> Problem:
     ("levels", "calibrations", "refills"),
     [
         ({}, 2, 1),
-        ({"couplant": 40, "values_since": 0, "seconds_since": 0}, 1, 0),
-        ({"couplant": 40, "values_since": 0, "seconds_since": 398}, 2, 0),
+        pytest.param({"couplant": 40, "values_since": 0, "seconds_since": 0}, 1, 0, marks=pytest.mark.slow),
+        pytest.param({"couplant": 40, "values_since": 0, "seconds_since": 398}, 2, 0, marks=pytest.mark.slow),
         ({"couplant": 0, "values_since": 25, "seconds_since": 100}, 2, 1),
     ],
 )
@@ -56,3 +61,29 @@ def test_what_is_due_is_planned_before_the_measurements_that_need_it(
         assert amounts["couplant"] >= 0
         assert all(amounts[each] <= most for each, most in LIMITS.items())
     assert (done.count("gauge"), done.count("calibrate"), done.count("refill")) == (30, calibrations, refills)
+
+
+FAULTS = load_faults(bundled()["gauging"] / "domain.yaml")[0]
+CASES = [(name, cause) for name in FAULTS.exceptions for cause in FAULTS.priors(name)]
+
+
+@pytest.mark.parametrize(("exception", "cause"), CASES)
+def test_every_cause_of_a_failed_step_is_found(exception: str, cause: str) -> None:
+    words = ["diagnose", "gauging", "--exception", exception, "--hidden", cause, "--objective", "isolate"]
+    result = CliRunner().invoke(app, [*words, "--format", "json"])
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)["data"]
+    assert [[cause]] == [each["causes"] for each in found["hypotheses"]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "fault", ["gauge(probe, robot, p3)=probe_worn", "gauge(probe, robot, p3)=no_couplant_film"]
+)
+def test_a_run_goes_on_after_a_fault(tmp_path: Path, fault: str) -> None:
+    words = ["run", "gauging/wall", "--fault", fault, "--store", str(tmp_path / "store")]
+    result = CliRunner().invoke(app, words, env={"COLUMNS": "200", "XDG_STATE_HOME": str(tmp_path)})
+    assert result.exit_code == 0, result.output
+    assert "all goals are reached" in result.output
+    assert "1 exception" in result.output
+    assert fault.partition("=")[2] in result.output

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 ShapeName = Annotated[str, typer.Argument(metavar="SHAPE", help="plane, sphere, cylinder, cone or circle")]
 Points = Annotated[
-    Path, typer.Argument(help="points in metres: CSV with columns x, y, z, or .npy, .pcd, .ply")
+    Path,
+    typer.Argument(metavar="POINTS", help="points in metres: CSV with columns x, y, z, or .npy, .pcd, .ply"),
 ]
 Noise = Annotated[
     float,

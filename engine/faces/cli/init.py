@@ -13,15 +13,17 @@ from engine.faces.cli.options import Format
 def init(
     folder: Annotated[Path, typer.Argument(help="a folder that is new or empty")],
     with_: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--with", metavar="DEVICES", help="put it together from devices: furnace,drawer,balance"
         ),
-    ] = "",
+    ] = None,
     format: Format = Form.TEXT,
 ) -> None:
     """Write a small commented domain into FOLDER, with problems, a fault base and a golden plan."""
-    devices = [each.strip() for each in with_.split(",") if each.strip()]
+    devices = [each.strip() for each in (with_ or "").split(",") if each.strip()]
+    if with_ is not None and not devices:
+        raise typer.BadParameter("it names no device; `devices list` has their names", param_hint="--with")
     give(lambda: _assembled(folder, devices) if devices else _init(folder), format)
 
 

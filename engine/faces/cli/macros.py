@@ -126,14 +126,13 @@ def _entry(each: "Stored", stale: tuple[str, ...] = ()) -> dict[str, Any]:
 def _list(store: str, target: str) -> Answer:
     from engine.formats.report import macros as report
     from kb.store import Library
-    from kb.store.utilities import Utilities
 
     digests = _digests(target) if target else None
     with Library(store) as library:
         name = digests.domain.name if digests else ""
         found = library.all(name)
         stale = library.outdated(name, digests.of) if digests else {}
-        utilities = Utilities(library).of(name)
+        utilities = library.utilities(name)
     entries = [{**_entry(each, stale.get(each.id, ())), **_in_search(each.id, utilities)} for each in found]
     return Answer("ok", {"macrops": entries}, lambda: report.listing(found, stale, utilities))
 
@@ -237,11 +236,11 @@ def _stats(store: str) -> Answer:
 
     from engine.formats.report import macros as report
     from kb.store import Library
-    from kb.store.utilities import Utilities, Utility
+    from kb.store.utilities import Utility
 
     with Library(store) as library:
         found = library.figures()
-        utilities = Utilities(library).of()
+        utilities = library.utilities()
     kept = len({number for number, _ in utilities})
     inner = sum(utilities.values(), Utility())
     figures = {**asdict(found), "saved_s": round(found.saved_s, 3)}

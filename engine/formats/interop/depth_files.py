@@ -87,7 +87,8 @@ def _read(path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: st
         return reader(data)
     except Exception as error:  # what a garbled file makes the readers raise is not laid down
         said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
-        raise _refused(path, f"it cannot be read: {said}", f"one of: {', '.join(readers)}") from None
+        hint = f"is the file whole, and of the kind that '{path.suffix}' says?"
+        raise _refused(path, f"it cannot be read: {said}", hint) from None
 
 
 def _bytes(path: Path) -> bytes:

@@ -42,7 +42,7 @@ def read_ranges(path: Path, tool: Ranging | None = None) -> RangeImage:
     if path.suffix.lower() == OWN:
         return _own(path)
     if tool is None:
-        hint = f"give a {OWN} file, or name the problem and the tool that took it"
+        hint = f"give a {OWN} file that `measurement image` has written"
         raise _refused(path, "a depth image does not tell which tool took it", hint)
     return of_depths(read_depth(path, picture_of(tool)), tool)
 

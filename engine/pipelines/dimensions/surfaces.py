@@ -1,5 +1,6 @@
 """Where a surface is, by the patch of a range image that is kept for its measurement."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +17,9 @@ from engine.pipelines.poses.views import eye_of, solids_before, taken, window_of
 from engine.ports import GeometryBackend
 from engine.stages.geometry import transforms
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.model.cell import Cell, Place
+from kb.model.cell import Cell, Measuring, Place
 from kb.model.problem import Problem
+from kb.model.ranging import Ranging
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,14 +55,11 @@ def measured_surface(
     displaced_m: Floats | None = None,
 ) -> MeasuredSurface | Vague:
     """The surface at a measurement that a laser ranging tool takes, in a made image. Raises `InvalidInput` for one that it does not."""
-    poses, place, whole = _pose(problem, cell, backend, name)
-    how = whole.measuring.get(place.tool)
-    if how is None or how.ranging is None:
-        message = f"{name} is taken with {place.tool or 'no tool'}, which is no laser ranging tool"
-        hint = "say what it is like: `measuring: TOOL: ranging`"
-        raise InvalidInput([Diagnostic(Source(cell.path or cell.name), "K404", message, hint)])
+    tools = chosen_tools(PlanGate().semantics(problem))
+    how, ranging = _ranging(problem, cell, tools, name)
+    poses, place, whole = _pose(problem, cell, backend, name, tools)
     world = station_world(whole, PlanGate().semantics(problem), poses.station, place)
-    eye = eye_of(world, place, how, how.ranging, poses.straight[0][-1], solids_before(world, place.arm))
+    eye = eye_of(world, place, how, ranging, poses.straight[0][-1], solids_before(world, place.arm))
     image = taken(eye, expected_to_m, seed, displaced_m)
     if isinstance(image, Vague):
         return image
@@ -75,14 +74,24 @@ def measured_surface(
     return MeasuredSurface(name, poses, image, found.edges, window, fit, off, sigma, poses.sigma_m)
 
 
+def _ranging(problem: Problem, cell: Cell, tools: Mapping[str, str], name: str) -> tuple[Measuring, Ranging]:
+    """How the tool of a measurement measures. Raises `InvalidInput` for no measurement, and for one that another kind of tool takes."""
+    if name not in tools:
+        where = Source(problem.path or problem.name)
+        raise InvalidInput([unknown_name("measurement", name, tools, where)])
+    how = cell.measuring.get(tools[name])
+    if how is None or how.ranging is None:
+        message = f"{name} is taken with {tools[name]}, which is no laser ranging tool"
+        hint = f"say what it is like: `measuring: {tools[name]}: ranging`, or name another measurement"
+        raise InvalidInput([Diagnostic(Source(cell.path or cell.name), "K404", message, hint)])
+    return how, how.ranging
+
+
 def _pose(
-    problem: Problem, cell: Cell, backend: GeometryBackend, name: str
+    problem: Problem, cell: Cell, backend: GeometryBackend, name: str, tools: Mapping[str, str]
 ) -> tuple[MeasurementPoses, Place, Cell]:
     """The poses of a measurement from the first station that reaches it, its place, and the cell with its place."""
     where = Source(cell.path or cell.name)
-    tools = chosen_tools(PlanGate().semantics(problem))
-    if name not in tools:
-        raise InvalidInput([unknown_name("measurement", name, tools, where)])
     whole = with_measured_places(cell, problem, tools)
     found = known_poses(problem, cell, backend, only=name)
     reached = [found.poses[key] for key in sorted(found.poses) if found.poses[key].reached]

@@ -1,5 +1,6 @@
 """One problem of a preparation: it is planned, and what was learned is kept in the store."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from engine.kernels.cancellation import Interrupted
@@ -10,6 +11,7 @@ from engine.pipelines.objective import sequenced
 from engine.pipelines.planning import LARGE, loaded
 from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
 from engine.pipelines.reuse.practice import Answered, Practice
+from engine.pipelines.units import Drafted
 from engine.pipelines.units.content import require_same
 from engine.pipelines.units.course import INTERRUPTED
 from engine.stages.grounding.limits import size
@@ -17,14 +19,18 @@ from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
 from kb.stopping import Stopped
-from kb.store import Library
+from kb.store.draft import Draft
 from kb.targets import CELL_FILE
 
 UNUSABLE = "K416"  # of a library: another time it may be there
 
 
-def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
-    """Plan one problem with the library in the store, and bring its kept sequence up to date."""
+def work(job: PreparationJob, interrupted: Interrupted) -> Prepared | Drafted[Prepared]:
+    """Plan one problem with the library in the store, and bring its kept sequence up to date.
+
+    What is learned waits in a draft. Poses and the sequence are written at once: they take the place of older ones, so that it does
+    not count how often they are found.
+    """
     if interrupted():
         return lost(job, INTERRUPTED)
     try:
@@ -36,14 +42,14 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         poses = _poses(job.store, problem) if measures else None
         kept = _kept(job.store, problem) if measures else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
-        answered = _answered(job.store, problem, limits)
+        draft, answered = _answered(job.store, problem, limits)
     except InvalidInput as error:
         finished = all(each.code != UNUSABLE for each in error.diagnostics)
         return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics), finished=finished)
     except Stopped:
         return lost(job, INTERRUPTED)
     outcome = answered.outcome
-    return Prepared(
+    prepared = Prepared(
         problem.name,
         "found" if isinstance(outcome, Found) else "gave up" if isinstance(outcome, GaveUp) else "infeasible",
         answered.origin,
@@ -55,19 +61,21 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared:
         poses=poses,
         finished=not interrupted(),
     )
+    return Drafted(draft, lambda: replace(prepared, macrop=draft.settled(prepared.macrop)))
 
 
-def _answered(store: str, problem: Problem, limits: Limits) -> Answered:
+def _answered(store: str, problem: Problem, limits: Limits) -> tuple[Draft, Answered]:
     """The answer for a problem, which the library keeps. Of measurements that are too many to be planned at once, as `plan` does:
-    they follow their sequence.
+    they follow their sequence. What was learned is in the draft.
     """
-    with Library(store) as library, Practice(library, limits) as practice:
+    with Draft(store) as library, Practice(library, limits) as practice:
         if size(problem) > LARGE:
             memory = practice.repertoire(problem.domain) if practice.learns else None
             followed = sequenced(problem, limits, memory, store)
             if followed is not None:
-                return Answered(followed.outcome, "sequence")
-        return practice.plan(problem)
+                return library, Answered(followed.outcome, "sequence")
+        answered = practice.plan(problem)
+    return library, answered
 
 
 def lost(job: PreparationJob, why: str) -> Prepared:

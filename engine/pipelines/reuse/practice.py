@@ -221,14 +221,14 @@ class Practice:
         return self._learned(problem, outcome, seconds, here)
 
     def _searched(self, problem: Problem, here: Situation, whole: bool = True) -> tuple[Outcome, float]:
-        """The planner's answer, and the seconds that it took.
+        """The planner's answer, and the seconds of the processor that it took.
 
         The planner may use known sub-sequences as operators. New ones are learned from plans for whole problems.
         """
-        started = time.perf_counter()
+        started = time.process_time()
         inner = self.subsequences(problem.domain)
         outcome, task = planning.planned(problem, self.limits, inner.offered())
-        seconds = time.perf_counter() - started
+        seconds = time.process_time() - started
         if self.learns and isinstance(outcome, Found) and not problem.domain.counts_fluents:
             inner.note(outcome.statistics)
             if whole:

@@ -38,7 +38,7 @@ from kb.model.macro import Macrop, MacroPart
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.store import Library, Record, Stored, Use
-from kb.store.utilities import Figures, Utilities, Utility
+from kb.store.utilities import Figures, Utility
 from kb.terms import Function, ordered
 
 SIGNATURE = "(sub-sequence)"
@@ -73,7 +73,7 @@ class Subsequences:
 
     def __init__(self, library: Library, domain: Domain) -> None:
         self.domain = domain
-        self._library, self._digests, self._utilities = library, Digests(domain), Utilities(library)
+        self._library, self._digests = library, Digests(domain)
         self._known = self._fetched()
 
     @cached_property
@@ -86,7 +86,7 @@ class Subsequences:
     def _fetched(self) -> list[KnownSubsequence]:
         """The stored sub-sequences that are not stale."""
         stored = self._library.serving(self.domain.name, SIGNATURE)
-        figures = self._utilities.of(self.domain.name) if stored else {}
+        figures = self._library.utilities(self.domain.name) if stored else {}
         return [
             KnownSubsequence(each, {s: figures[each.id, s] for s in SEARCHES if (each.id, s) in figures})
             for each in stored
@@ -114,7 +114,7 @@ class Subsequences:
 
     def _count(self, more: Figures) -> None:
         if more:
-            self._utilities.note(more)
+            self._library.note_utilities(more)
             self._known = self._fetched()
 
     def folded(self, plan: Plan) -> tuple[PlanPart, ...]:

@@ -2,10 +2,11 @@
 
 A unit is known by its name and by a digest of all that its result depends on. With a ledger in a store, whoever carries a unit
 out notes its result there. So workers, the scheduler of a cluster, the database or the command itself may be killed at any
-moment: the next call takes up the work with what is not noted. Carrying a unit out twice must leave what once leaves.
+moment: the next call takes up the work with what is not noted. What a unit changes in the store is written with its note
+(`Drafted`), or leaves the same if it is written twice.
 """
 
 from engine.pipelines.units.crews import crew_of
-from engine.pipelines.units.work import Crew, Kind, Ledger, Unit, carried_out, silent
+from engine.pipelines.units.work import Crew, Drafted, Kind, Ledger, Unit, carried_out, silent
 
-__all__ = ["Crew", "Kind", "Ledger", "Unit", "carried_out", "crew_of", "silent"]
+__all__ = ["Crew", "Drafted", "Kind", "Ledger", "Unit", "carried_out", "crew_of", "silent"]

@@ -2,10 +2,13 @@
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from engine.kernels.cancellation import Interrupted
 from kb import stopping
+
+if TYPE_CHECKING:
+    from kb.store.draft import Draft
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -39,14 +42,25 @@ class Ledger:
 
 
 @dataclass(frozen=True, slots=True)
+class Drafted(Generic[R]):
+    """A result, and the changes of the store that go with it. They are written when the result is noted, in the same transaction.
+
+    `settled` is the result with the numbers that the changes got, or without them if they were not written.
+    """
+
+    draft: "Draft"
+    settled: Callable[[], R]
+
+
+@dataclass(frozen=True, slots=True)
 class Kind(Generic[J, R]):
     """A kind of work. Its functions are those of a module, so that they can be named to another process.
 
-    `work` carries out one job. `lost` is the result of a job that could not be carried out, with the reason.
+    `work` carries out one job; what it changes in the store of the ledger it leaves in a draft. `lost` is the result of a job that could not be carried out, with the reason.
     """
 
     name: str
-    work: Callable[[J, Interrupted], R]
+    work: Callable[[J, Interrupted], R | Drafted[R]]
     lost: Callable[[J, str], R]
     ledger: Ledger | None = None
 
@@ -85,19 +99,28 @@ def carried_out(
 
 
 def one(kind: Kind[J, R], unit: Unit[J], interrupted: Interrupted) -> R:
-    """Carry out one unit, unless somebody has done so in the meantime, and note its result."""
+    """Carry out one unit, unless somebody has done so in the meantime, and note its result.
+
+    The note and all that the unit changes in the store are written together: whenever this process is killed, both are there
+    or neither.
+    """
     noted = _noted(kind, [unit])
     if noted:
         return noted[unit.name]
     with stopping.asking(interrupted):
-        result = kind.work(unit.job, interrupted)
+        made = kind.work(unit.job, interrupted)
+    result = made.settled() if isinstance(made, Drafted) else made
     ledger = kind.ledger
-    if ledger is not None and ledger.finished(result) and (content := ledger.written(result)) is not None:
-        from kb.store.units import UnitStore
+    if ledger is None or not ledger.finished(result) or (content := ledger.written(result)) is None:
+        return result
+    from kb.store.units import UnitStore
 
-        with UnitStore(ledger.store, kind.name) as store:
+    with UnitStore(ledger.store, kind.name) as store:
+        if not isinstance(made, Drafted):
             store.keep(unit.name, unit.key, content)
-    return result
+        elif store.settle(unit.name, unit.key, made.draft, lambda: ledger.written(made.settled()) or content):
+            return made.settled()
+    return _noted(kind, [unit]).get(unit.name, result)
 
 
 def _noted(kind: Kind[J, R], units: Sequence[Unit[J]]) -> dict[str, R]:

@@ -84,3 +84,9 @@ def test_an_unknown_device_is_refused_and_nothing_is_written(tmp_path: Path) -> 
     with pytest.raises(InvalidInput, match="unknown device 'furnance'"):
         create_with(tmp_path / "cell", ["furnance"])
     assert not (tmp_path / "cell").exists()
+
+
+@pytest.mark.parametrize("devices", ["", " , "])
+def test_no_devices_are_a_misuse(tmp_path: Path, devices: str) -> None:
+    result = CliRunner().invoke(app, ["init", str(tmp_path / "cell"), "--with", devices])
+    assert (result.exit_code, list(tmp_path.iterdir())) == (2, [])

@@ -7,7 +7,7 @@ from macrops import macrop
 from kb.store import Library, Record
 from kb.store import schema as tables
 from kb.store.engines import connected, transaction
-from kb.store.utilities import RARELY, Utilities, Utility
+from kb.store.utilities import RARELY, Utility
 
 ONE = Utility(1, 1, 1, 10, 4)
 
@@ -20,25 +20,25 @@ def filled(library: Library) -> None:
 def test_figures_add_up_and_are_told_by_domain(target: str) -> None:
     with Library(target) as library:
         filled(library)
-        Utilities(library).note({(1, "forward"): ONE, (1, "backward"): ONE, (3, "forward"): ONE})
-        Utilities(library).note({(1, "forward"): ONE})
-        assert Utilities(library).of("bulkhead") == {(1, "backward"): ONE, (1, "forward"): ONE + ONE}
-        assert Utilities(library).of("themse") == {(3, "forward"): ONE}
+        library.note_utilities({(1, "forward"): ONE, (1, "backward"): ONE, (3, "forward"): ONE})
+        library.note_utilities({(1, "forward"): ONE})
+        assert library.utilities("bulkhead") == {(1, "backward"): ONE, (1, "forward"): ONE + ONE}
+        assert library.utilities("themse") == {(3, "forward"): ONE}
 
 
 def test_figures_go_with_the_macrop_and_none_are_kept_for_one_that_is_gone(target: str) -> None:
     with Library(target) as library:
         filled(library)
-        Utilities(library).note({(2, "forward"): ONE})
+        library.note_utilities({(2, "forward"): ONE})
         library.forget([2])
-        Utilities(library).note({(2, "forward"): ONE, (1, "forward"): ONE})
-        assert Utilities(library).of() == {(1, "forward"): ONE}
+        library.note_utilities({(2, "forward"): ONE, (1, "forward"): ONE})
+        assert library.utilities() == {(1, "forward"): ONE}
 
 
 def _count(target: str, times: int) -> None:
     with Library(target) as library:
         for _ in range(times):
-            Utilities(library).note({(2, "forward"): ONE, (1, "forward"): ONE})
+            library.note_utilities({(2, "forward"): ONE, (1, "forward"): ONE})
 
 
 def test_concurrent_writers_lose_no_count(target: str, processes: BaseContext) -> None:
@@ -50,7 +50,7 @@ def test_concurrent_writers_lose_no_count(target: str, processes: BaseContext) -
         for each in writers:
             each.join(60)
         assert [each.exitcode for each in writers] == [0, 0, 0]
-        assert Utilities(library).of() == dict.fromkeys(
+        assert library.utilities() == dict.fromkeys(
             [(1, "forward"), (2, "forward")], Utility(30, 30, 30, 300, 120)
         )
 
@@ -66,7 +66,7 @@ def test_a_library_without_utilities_is_brought_up_to_date(target: str) -> None:
         connection.execute(tables.versions.update().values(version=4))
     engine.dispose()
     with Library(target) as library:
-        Utilities(library).note({(1, "forward"): ONE})
+        library.note_utilities({(1, "forward"): ONE})
         assert library.figures().schema == tables.CURRENT
         assert len(library.all()) == 3
 

@@ -24,11 +24,12 @@ DOUBT_S = 1.0
 class Repertoire:
     """The MACROPs of a library that serve one domain.
 
-    Other processes may write to the library. So if nothing is found, the library is read again.
+    Other processes may write to the library. So if nothing is found, the library is read again. What a lookup takes is counted in
+    seconds of the processor, as planning is: a busy machine or database makes no MACROP worse.
     """
 
     def __init__(
-        self, library: Library, domain: Domain, clock: Callable[[], float] = time.perf_counter
+        self, library: Library, domain: Domain, clock: Callable[[], float] = time.process_time
     ) -> None:
         self.library, self.domain = library, domain
         self._clock = clock
@@ -159,6 +160,6 @@ def pays(each: Outline) -> bool:
     """Whether a MACROP is still offered: its lookups have not cost much more time than it saved.
 
     The utility of a MACROP is measured (Minton 1988): the seconds of planning that it saved, less the seconds
-    of lookup. It may fall below zero by the time of one planning, or by `DOUBT_S` if that is longer.
+    of lookup, both of the processor. It may fall below zero by the time of one planning, or by `DOUBT_S` if that is longer.
     """
     return each.saved_s > -max(each.planning_s, DOUBT_S)

@@ -12,6 +12,7 @@ from engine.authoring.starter import create
 from engine.faces.cli import app
 from engine.pipelines.preparation.problem import work
 from engine.pipelines.preparation.results import PreparationJob
+from engine.pipelines.units import Drafted
 from engine.pipelines.units.content import content
 from tests.places import BUNDLED
 
@@ -175,7 +176,9 @@ def test_measurements_that_are_too_many_to_be_planned_at_once_are_prepared_one_a
 ) -> None:
     monkeypatch.setattr("engine.pipelines.preparation.problem.LARGE", 100)
     problem = BULKHEAD / "problems" / "twelve_points.yaml"
-    found = work(PreparationJob(problem, store, 100_000, 0, content(problem)), lambda: False)
+    made = work(PreparationJob(problem, store, 100_000, 0, content(problem)), lambda: False)
+    assert isinstance(made, Drafted)
+    found = made.settled()
     assert (found.status, found.origin) == ("found", "sequence")
 
 

@@ -21,7 +21,7 @@ from engine.stages.validation import validate
 from kb.model.domain import Domain, Operator
 from kb.model.problem import Problem
 from kb.store import Library, document, macrop_of
-from kb.store.utilities import RARELY, Utilities, Utility
+from kb.store.utilities import RARELY, Utility
 
 DOMAIN = """
 (define (domain parcels) (:requirements :strips)
@@ -66,7 +66,7 @@ def taught(library: Library, problem: Problem) -> Subsequences:
 def test_what_recurs_and_pays_is_kept_with_its_figures(library: Library, tmp_path: Path) -> None:
     known = taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
     kept = library.serving("parcels", SIGNATURE)
-    figures = Utilities(library).of("parcels")
+    figures = library.utilities("parcels")
     assert kept
     for each in kept:
         mine = [utility for (number, _), utility in figures.items() if number == each.id]
@@ -91,9 +91,9 @@ def test_a_kept_subsequence_serves_another_task_and_is_counted(library: Library,
         assert validate(problem, outcome.plan) == []
         offer = outcome.statistics.offer
         assert offer.search in ("", search)
-        before = Utilities(library).of()
+        before = library.utilities()
         known.note(outcome.statistics)
-        after = Utilities(library).of()
+        after = library.utilities()
         for (number, kind), utility in after.items():
             had = before.get((number, kind), Utility())
             assert utility.offered - had.offered == (kind == offer.search and bool(offer.offered))
@@ -144,10 +144,10 @@ def test_what_pays_nowhere_is_dropped_and_what_is_offered_in_vain_is_offered_no_
     known = taught(library, problem)
     kept = library.serving("parcels", SIGNATURE)
     vain = {(each.id, search): Utility(offered=RARELY) for each in kept for search in ("backward", "forward")}
-    Utilities(library).note(vain)
+    library.note_utilities(vain)
     assert Subsequences(library, problem.domain).offered() == type(known.offered())()
     loss = {key: Utility(trials=FAILED, without=1, beside=10**9) for key in vain}
-    Utilities(library).note(loss)
+    library.note_utilities(loss)
     taught(library, parcels(tmp_path, "ba cb dc ad", "more"))
     assert not {each.id for each in kept} & {each.id for each in library.serving("parcels", SIGNATURE)}
 
@@ -171,19 +171,19 @@ def test_they_are_exported_and_imported_as_what_they_are_and_never_looked_up(
 @pytest.mark.slow
 def test_a_library_that_is_only_used_is_left_as_it_is(library: Library, tmp_path: Path) -> None:
     taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
-    before = (Utilities(library).of(), library.serving("parcels", SIGNATURE))
+    before = (library.utilities(), library.serving("parcels", SIGNATURE))
     with Practice(library, Limits(strategy="forward"), learns=False) as practice:
         answered = practice.plan(parcels(tmp_path, "ba cb dc ad ca", "other"))
     assert isinstance(answered.outcome, Found)
-    assert (Utilities(library).of(), library.serving("parcels", SIGNATURE)) == before
+    assert (library.utilities(), library.serving("parcels", SIGNATURE)) == before
 
 
 def test_what_no_search_was_offered_is_not_counted(library: Library, tmp_path: Path) -> None:
     known = taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
-    before = Utilities(library).of()
+    before = library.utilities()
     known.note(Statistics())
     known.note(Statistics(offer=Offer("forward", (), ())))
-    assert Utilities(library).of() == before
+    assert library.utilities() == before
 
 
 @pytest.mark.slow
@@ -212,7 +212,7 @@ def test_commands_tell_what_searches_had_of_subsequences(library: Library, tmp_p
         for verb in ("list", "stats")
     )
     kept = {each.id for each in library.serving("parcels", SIGNATURE)}
-    figures = Utilities(library).of()
+    figures = library.utilities()
     for entry in json.loads(listed.stdout)["data"]["macrops"]:
         assert ("in_search" in entry) == (entry["number"] in kept)
         for search, found in entry.get("in_search", {}).items():
