@@ -54,4 +54,5 @@ ENVIRONMENT = (
     "K420",
     "K422",
     "K425",
-)  # what is missing: a package, memory, time, a sound library, a controller
+    "K430",
+)  # what is missing: a package, memory, time, a sound library, a controller, a cluster

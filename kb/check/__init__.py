@@ -58,6 +58,7 @@ def _numbers(operator: Operator) -> Iterator[Term | None]:
     yield from (operator.duration, operator.cost)
     if operator.command is not None and (measure := operator.command.measures) is not None:
         yield from (measure.nominal, measure.tolerance, measure.lower, measure.upper)
+        yield from (measure.uncertainty, measure.risk, measure.worth)
 
 
 def _named(problems: Collection[Problem]) -> Iterator[str]:

@@ -86,7 +86,7 @@ def test_what_a_deduced_fact_denies_is_ordered_away() -> None:
 
 def test_working_on_the_heaviest_goals_first_saves_search_and_the_reverse_costs_it() -> None:
     def expanded(sign: int) -> int:
-        base = load_problem("bulkhead/twelve_points")
+        base = load_problem("bulkhead/three_stations")
         predicates = {
             name: replace(each, weight=None if each.weight is None else 5 + sign * each.weight)
             for name, each in base.domain.predicates.items()

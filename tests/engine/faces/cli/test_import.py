@@ -86,7 +86,8 @@ def test_facts_that_a_domain_does_not_declare_are_left_out_and_told(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copytree(BUNDLED / "bulkhead", "mine")
-    for file in (Path("mine/domain.yaml"), Path("mine/rules.lp")):
+    shutil.copytree(BUNDLED / "devices" / "measuring", "mine/devices/measuring")
+    for file in (each for each in Path("mine").rglob("*") if each.suffix in (".yaml", ".lp")):
         lines = file.read_text("utf-8").splitlines(keepends=True)
         file.write_text("".join(line for line in lines if "normal(" not in line), "utf-8")
     code, _, told = run("import", "qif", str(part), "--domain", "mine")

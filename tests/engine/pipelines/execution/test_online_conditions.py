@@ -26,15 +26,18 @@ from tests.engine.pipelines.execution.cells import Kept
 
 CLOSED = "position(flap, closed)"
 LOOK = '    online:\n      - {fact: "position(flap, closed)", during: true}\n'
-HEAT = "    command: {stream: furnace(heat(Time)), reply: done}\n"
+HEAT = "    command: {stream: $name(heat(Time)), reply: done}\n"
 
 
 def cell_with(folder: Path, look: str) -> Path:
     """THEMSE, whose furnace looks at something when it heats."""
     home = folder / "lab"
     shutil.copytree(bundled()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
-    text = (home / "domain.yaml").read_text("utf-8")
-    (home / "domain.yaml").write_text(text.replace(HEAT, HEAT + look), "utf-8")
+    furnace = shutil.copytree(
+        bundled()["themse"].parent / "devices" / "furnace", home / "devices" / "furnace"
+    )
+    text = (furnace / "device.yaml").read_text("utf-8")
+    (furnace / "device.yaml").write_text(text.replace(HEAT, HEAT + look), "utf-8")
     (home / "problems").mkdir()
     said = "problem: heated\ndomain: ..\nworkflow:\n  - for: {P: [probe_1]}\n    stages: heated(P, 15 min)\n"
     (home / "problems" / "heated.yaml").write_text(said, "utf-8")
