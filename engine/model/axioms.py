@@ -111,11 +111,11 @@ class Axioms:
 
     @cached_property
     def _met(self) -> Met:
-        return next(level.met for each in self.tests for level, _ in each.sum.parts)
+        return next((level.met for each in self.tests for level, _ in each.sum.parts), {})
 
     @cached_property
     def _quantities(self) -> int:
-        return 1 + max(number for number, _ in self._met.values())
+        return 1 + max((number for number, _ in self._met.values()), default=-1)
 
     def values(self, state: Bits) -> "array[int]":
         """The values of all quantities in a state, by their numbers. There must be comparisons."""

@@ -120,8 +120,10 @@ class Comparing:
 
 def values_of(state: Bits, met: Met, count: int) -> "array[int]":
     """The values of all quantities in a state, by their numbers."""
-    first = next(iter(met))
     found = array("q", bytes(8 * count))
+    if not met:
+        return found
+    first = next(iter(met))
     for place in indices(state >> first):
         if (known := met.get(first + place)) is not None:
             found[known[0]] = known[1]

@@ -78,7 +78,12 @@ def test_every_cause_of_a_failed_step_is_found(exception: str, cause: str) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "fault", ["gauge(probe, robot, p3)=probe_worn", "gauge(probe, robot, p3)=no_couplant_film"]
+    "fault",
+    [
+        "gauge(probe, robot, p3)=probe_worn",
+        "gauge(probe, robot, p3)=no_couplant_film",
+        "wet(robot, p3)=bottle_empty",
+    ],
 )
 def test_a_run_goes_on_after_a_fault(tmp_path: Path, fault: str) -> None:
     words = ["run", "gauging/wall", "--fault", fault, "--store", str(tmp_path / "store")]

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from engine.model.quantities import Comparing, Level
 from engine.model.replay import Instances, instances, reached_goals, replayed, settled
 from engine.model.stages import STAGE, stage_atom
 from engine.model.task import Bits, GroundOperator, Task, indices
@@ -17,7 +18,7 @@ from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import CellDomain
 from kb.model.plan import Plan
 from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from kb.terms import Atom, Function, Number
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,11 @@ class Course:
     def bits(self, observed: Iterable[Atom], reached: Mapping[str, int]) -> Bits:
         """A state of the task: what is observed, the stages reached and those that hold now, complements; atoms it does not
         know are left out."""
-        found = sum({1 << self.index[atom] for atom in observed if atom in self.index})
+        found = 0
+        for atom in observed:
+            found |= 1 << self.index[atom] if atom in self.index else self._value(atom)
+        for level in self._levels.values():
+            found |= 0 if found & level.mask else self.task.initial & level.mask
         for chain in self.problem.chains:
             found |= 1 << self.index[stage_atom(chain, reached[chain.name])]
         for number, atom in enumerate(self.task.atoms):
@@ -62,6 +67,25 @@ class Course:
             elif atom.name.startswith("_") and atom.name != STAGE and self.task.initial >> number & 1:
                 found |= 1 << number
         return settled(self.task, found)
+
+    @cached_property
+    def _levels(self) -> Mapping[Atom, Level]:
+        """The quantities of the task by their names."""
+        changes = [change for operator in self.task.operators for change in operator.changes]
+        sums = [change.to for change in changes] + [each.sum for each in self._compared]
+        found = [change.level for change in changes] + [level for each in sums for level, _ in each.parts]
+        return {level.quantity: level for level in found}
+
+    @property
+    def _compared(self) -> Sequence[Comparing]:
+        return self.task.axioms.tests if self.task.axioms is not None else ()
+
+    def _value(self, atom: Atom) -> Bits:
+        """The atom for a value of a quantity, which no search has met yet; nothing for other atoms."""
+        level = self._levels.get(Function(atom.name, atom.arguments[:-1]))
+        if level is None or not isinstance(last := atom.arguments[-1], Number):
+            return 0
+        return level.bit(last.value)
 
     def executed(self, state: Bits, steps: Iterable[Function]) -> list[GroundOperator] | None:
         """The ground operators of instances taken one after another from a state, with the internal ones that reach stages
