@@ -28,6 +28,13 @@ class Feature:
     entities: tuple[str, ...] = ()
 
 
+UNSAID_NORMAL: Triple = (
+    0.0,
+    0.0,
+    -1.0,
+)  # of a measurement for which a problem gives none: its surface faces down
+
+
 @dataclass(frozen=True, slots=True)
 class MeasurementPoint:
     """Where a tool measures: `normal` points away from the material; `bore_m` is the width of the hole that

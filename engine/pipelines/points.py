@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from engine.model.measurement import MeasurementPoint, Triple
+from engine.model.measurement import UNSAID_NORMAL, MeasurementPoint, Triple
 from engine.model.measurements import measurements_of
 from kb.asp import Grounder
 from kb.asp.statics import evaluated
@@ -16,7 +16,7 @@ METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": 0.0254
 
 
 def points(problem: Problem) -> list[MeasurementPoint]:
-    """The measurements of a problem that have a position, as their facts tell; the normal is up if none is given."""
+    """The measurements of a problem that have a position, as their facts tell; where no normal is given, the surface faces down."""
     words = problem.domain.conventions
     told: dict[tuple[str, str], tuple[Term, ...]] = {
         (fact.name, str(fact.arguments[0])): fact.arguments[1:] for fact in problem.statics if fact.arguments
@@ -40,7 +40,7 @@ def points(problem: Problem) -> list[MeasurementPoint]:
         if (position := triple(words.position, name, 1e-6)) is None:
             continue
         needed = str(told[words.needs, name][0]) if (words.needs, name) in told else ""
-        normal = triple(words.normal, name, 1e-3) or (0.0, 0.0, 1.0)
+        normal = triple(words.normal, name, 1e-3) or UNSAID_NORMAL
         sizes = (metres(each, name) for each in (words.tolerance, words.bore, words.nominal))
         tolerance, bore, nominal = sizes
         kind, (tool, *_) = kinds.get(needed, needed), told.get((words.prefers, name), ("",))

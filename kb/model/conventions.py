@@ -113,7 +113,7 @@ class Conventions:
         "normal",
         POINT,
         WRITTEN,
-        "the direction away from the material at a measurement: x, y, z in thousandths",
+        "the direction away from the material at a measurement: x, y, z in thousandths; `0, 0, -1000` if none is given",
     )
     tolerance: str = _static(
         "tolerance",

@@ -26,7 +26,8 @@ from kb.model.results import Measured, Results
 
 TOP = Path(__file__).parents[2]
 PAGES = {file.name: file.read_text("utf-8") for file in [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]}
-README = PAGES["README.md"]
+COMMANDS = PAGES["command-line.md"]
+FIRST = "\n".join(PAGES[name] for name in ("README.md", "first-steps.md", "command-line.md"))
 CELLWRIGHT = typer.main.get_command(app)
 VERBS = CELLWRIGHT.commands  # type: ignore[attr-defined]
 
@@ -165,13 +166,13 @@ def filled(line: str) -> str:
 
 
 def timed(line: str) -> object:
-    """A command line to run. Quick are those of README that do little: no long plan, no assembly, no arm in every step."""
+    """A command line to run. Quick are those of the first pages that do little: no long plan, no assembly, no arm in every step."""
     slow = line not in QUICK or any(part in line for part in LONG)
     return pytest.param(line, marks=pytest.mark.slow) if slow else line
 
 
-QUICK = set(written([README]))
-EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', README, re.M | re.S)
+QUICK = set(written([FIRST]))
+EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', FIRST, re.M | re.S)
 SHOWN = {line for line, _ in EXAMPLES}  # these are run where what they print is read, too
 
 
@@ -190,7 +191,7 @@ def test_there_are_command_lines() -> None:
 
 
 def test_every_verb_is_in_the_table_of_commands_and_no_other() -> None:
-    table = re.findall(r"^\| `cellwright (\w+)", README, re.MULTILINE)
+    table = re.findall(r"^\| `cellwright (\w+)", COMMANDS, re.MULTILINE)
     assert set(table) == set(VERBS)
 
 
@@ -212,7 +213,7 @@ def test_every_option_that_is_named_exists() -> None:
 
 def test_every_exit_code_is_in_the_table_and_no_other() -> None:
     known = {0} | {value for value in vars(exits).values() if isinstance(value, int)}
-    table = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
+    table = {int(code) for code in re.findall(r"^\| (\d+) \|", COMMANDS, re.MULTILINE)}
     assert table == known
 
 
@@ -222,12 +223,12 @@ def of_a_kind(line: str, shown: str) -> object:
 
 
 @pytest.mark.parametrize(("line", "shown"), [of_a_kind(*each) for each in EXAMPLES])
-def test_what_the_readme_shows_is_what_is_printed(line: str, shown: str) -> None:
+def test_what_the_first_pages_show_is_what_is_printed(line: str, shown: str) -> None:
     printed = [each.rstrip() for each in run(line).stdout.splitlines()]
     assert printed == shown.splitlines()
 
 
-def test_the_readme_shows_a_plan_and_a_reason() -> None:
+def test_the_first_pages_show_a_plan_and_a_reason() -> None:
     assert len(EXAMPLES) >= 2
 
 

@@ -1,4 +1,4 @@
-"""Exit codes (see the README)."""
+"""Exit codes (docs/command-line.md)."""
 
 from typing import TYPE_CHECKING
 

@@ -155,9 +155,9 @@ def _carried_out(
         moving = _moving(asked, problem, limits, wanted.store)
         table, scope = moving.run.timetable, Scope(moving.problem, moving.given_up)
         problem = replace(moving.problem, goal=problem.goal, chains=problem.chains)
+        _tell(moving, quiet=events == "-" or format is Form.JSON)
         if table is None:
             return answer_of(moving.run.outcome, wanted.store, events == "-")
-        _tell(moving, quiet=events == "-" or format is Form.JSON)
     with Watching(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
         ending = begin(wanted, problem, watch.channel, watch.watchers, limits, table=table, scope=scope)
     return answer_of(ending, wanted.store, events == "-")

@@ -17,6 +17,21 @@ def within_reach(problem: Problem, lost: Mapping[str, str]) -> tuple[Problem, tu
     """
     if not lost:
         return problem, ()
+    kept, chains, given_up = _divided(problem, lost)
+    if not kept and not chains:
+        return problem, ()
+    return replace(problem, goal=And(kept) if kept else TRUE, chains=chains), given_up
+
+
+def all_lost(problem: Problem, lost: Mapping[str, str]) -> tuple[GivenUp, ...]:
+    """The goals about lost measurements of a problem for which there is no plan, each with its reason."""
+    return _divided(problem, lost)[2]
+
+
+def _divided(
+    problem: Problem, lost: Mapping[str, str]
+) -> tuple[tuple[Condition, ...], tuple[Chain, ...], tuple[GivenUp, ...]]:
+    """The parts of the goal and the chains that are kept, and what is given up."""
     parts = goal_parts(problem.goal)
     kept = tuple(part for part in parts if not _about(part, lost))
     given_up = [GivenUp(str(part), _why(part, lost)) for part in parts if _about(part, lost)]
@@ -28,9 +43,7 @@ def within_reach(problem: Problem, lost: Mapping[str, str]) -> tuple[Problem, tu
         chains += [replace(chain, stages=chain.stages[:cut])] if cut else []
     whole = {chain.name for chain in chains if chain in problem.chains}
     chains = [replace(chain, after=tuple(name for name in chain.after if name in whole)) for chain in chains]
-    if not kept and not chains:
-        return problem, ()
-    return replace(problem, goal=And(kept) if kept else TRUE, chains=tuple(chains)), tuple(given_up)
+    return kept, tuple(chains), tuple(given_up)
 
 
 def _about(goal: Condition, lost: Mapping[str, str]) -> bool:

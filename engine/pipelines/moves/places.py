@@ -7,6 +7,7 @@ import numpy as np
 
 from engine.kernels.linear import norm
 from engine.model.geometry import Floats
+from engine.model.measurement import UNSAID_NORMAL
 from engine.stages.geometry import transforms
 from engine.stages.validation.semantics import Semantics
 from kb.model.cell import Cell, Measuring, Place, Placement
@@ -38,7 +39,7 @@ def with_measured_places(cell: Cell, problem: Problem, tools: Mapping[str, str])
         at, tool = words.place(name), tools.get(name, "")
         if at in cell.places or tool not in cell.measuring or not cell.arms:
             continue
-        normal = normals.get(name, np.array([0.0, 0.0, -1000.0]))
+        normal = normals.get(name, np.array(UNSAID_NORMAL))
         place = _place(at, point * MICRO, normal, cell.measuring[tool], _frame(motion), tool, cell)
         found[at] = replace(place, patch_m=_side(cell.measuring[tool], widths.get(name, 0.0)))
     return replace(cell, places={**cell.places, **found}) if found else cell

@@ -16,7 +16,7 @@ from engine.model.schedule import Schedule, Timetable
 from engine.pipelines.attainment import GivenUp
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.bars import told, without_blocked
-from engine.pipelines.moves.leaving_out import within_reach
+from engine.pipelines.moves.leaving_out import all_lost, within_reach
 from engine.pipelines.moves.meetings import Encounters
 from engine.pipelines.moves.passing import Shared, kept_apart
 from engine.pipelines.moves.places import measured_at
@@ -88,7 +88,8 @@ def plan_moving(
             if more := _lost(problem, refused, lost):
                 lost = {**lost, **more}
                 continue
-            return Moving(Run(_without(run.outcome, refused)), problem, refused=tuple(refused))
+            given_up = given_up or all_lost(problem, lost)
+            return Moving(Run(_without(run.outcome, refused)), problem, (), tuple(refused), given_up)
         steps = list(walk.steps(run.outcome.plan))
         if steps and isinstance(steps[-1], Unmoved):
             refused.append(steps[-1])

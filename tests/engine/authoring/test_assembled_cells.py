@@ -53,6 +53,12 @@ def assert_all_works(folder: Path, devices: tuple[str, ...]) -> None:
         assert ran["exceptions"] == 1
 
 
+@pytest.fixture(autouse=True)
+def _own_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs are kept beside the cell: tests at the same moment would take each other's names."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
 def test_a_cell_of_two_furnaces_fails_and_recovers(tmp_path: Path) -> None:
     assert_all_works(tmp_path / "cell", ("furnace", "furnace"))
 

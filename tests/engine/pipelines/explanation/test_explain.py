@@ -70,7 +70,7 @@ def test_goals_that_exclude_each_other_are_told_with_the_reason() -> None:
     assert {change.kind for change in explanation.changes} == {"drop goal"}
 
 
-@pytest.mark.slow  # README shows the same, and what it shows is tried quickly
+@pytest.mark.slow  # docs/first-steps.md shows the same, and what it shows is tried quickly
 def test_an_initial_fact_that_is_in_the_way_is_named() -> None:
     change = explain(load_problem("bulkhead/tool_missing")).changes[0]
     assert (change.kind, list(map(str, change.facts))) == (

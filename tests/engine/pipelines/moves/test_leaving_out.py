@@ -11,7 +11,7 @@ from engine.pipelines import objective
 from engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
 from engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.leaving_out import within_reach
+from engine.pipelines.moves.leaving_out import all_lost, within_reach
 from engine.pipelines.moves.walking import Walk, operation_of
 from engine.pipelines.planning import problem_of
 from engine.pipelines.poses.planning import plan_with_poses
@@ -143,7 +143,9 @@ def test_goals_about_nothing_that_is_lost_stay() -> None:
 
 def test_where_everything_is_lost_the_problem_stays() -> None:
     problem = load_problem("bulkhead/one_point")
-    assert within_reach(problem, {f"m{n}": "it is too far" for n in range(1, 13)}) == (problem, ())
+    lost = {f"m{n}": "it is too far" for n in range(1, 13)}
+    assert within_reach(problem, lost) == (problem, ())
+    assert [each.why for each in all_lost(problem, lost)] == ["it is too far"]
 
 
 def test_what_waits_for_a_lost_measurement_no_longer_waits() -> None:
