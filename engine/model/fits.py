@@ -36,13 +36,15 @@ class Cloud:
     """Measured points (n, 3), and the standard deviation (n,) of each.
 
     `directions` (n, 3), unit vectors, are the beams along which the deviations count; None: they count in every direction. `beam_m` (n,) is
-    the standard deviation of the intensity across each beam, where it is wide enough to matter.
+    the standard deviation of the intensity across each beam, where it is wide enough to matter. `pointing_m` (n,) is how far beside its
+    direction each beam points, the standard deviation in each of the two directions across it; `sigma_m` does not hold what follows from it.
     """
 
     points: Floats
     sigma_m: Floats
     directions: Floats | None = None
     beam_m: Floats | None = None
+    pointing_m: Floats | None = None
 
 
 def unusable(points: Floats, sigma_m: Floats) -> str | None:

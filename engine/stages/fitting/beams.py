@@ -2,7 +2,8 @@
 
 A beam of some width tells the mean of the ranges that it meets, by the strength of what each part returns. To second order this is off by
 the variance of the beam times, for two directions across it: half the second derivative of the range, and the slope of the range times
-the relative slope of the strength, which is that of the cosine of the incidence.
+the relative slope of the strength, which is that of the cosine of the incidence. A beam that points a little beside its direction tells,
+in the mean, a range that is off by the first of these terms, too.
 """
 
 from dataclasses import replace
@@ -11,33 +12,40 @@ import numpy as np
 
 from engine.kernels.rigid import apply, inverse
 from engine.model.fits import Cloud, Shape
-from engine.model.geometry import Floats
+from engine.model.geometry import Floats, Truths
 from engine.stages.fitting.distances import distances, normals
+from engine.stages.fitting.rays import met
 from engine.stages.fitting.starts import Guess
 
-GRAZING = 0.1  # cosine: of a surface seen flatter, too much of it is met at once
+TURNING = 0.05  # by this share the cosine of the incidence may change over a beam; with more, the second order is not enough
 PLAIN = (Shape.PLANE, Shape.CIRCLE)
 
 
-def narrowed(shape: Shape, cloud: Cloud, at: Guess) -> Cloud:
-    """The cloud as a thin beam would have told it, for points on a shape near `at`; the same without beams, or on a plane."""
+def narrowed(shape: Shape, cloud: Cloud, at: Guess) -> tuple[Cloud, Truths]:
+    """The cloud as thin beams would have told it, for points on a shape near `at`, and the points (n,) for which that is known.
+
+    The cloud is the same without beams, or on a plane. Which points are known follows from the directions of their beams, not from their
+    ranges, so leaving the others out does not bias a fit.
+    """
     if cloud.directions is None or cloud.beam_m is None or shape in PLAIN:
-        return cloud
-    T = inverse(at.T)
-    points, beams = apply(T, cloud.points), cloud.directions @ at.T[:3, :3]
+        return cloud, np.ones(len(cloud.points), bool)
+    beams = cloud.directions @ at.T[:3, :3]
+    there = met(shape, apply(inverse(at.T), cloud.points), beams, float(at.radius_m), float(at.angle_rad))
+    points, facing = there.feet, there.facing
     outward = normals(shape, points, float(at.angle_rad))[:, 0]
-    facing = (outward * beams).sum(axis=1)
-    facing = np.where(np.abs(facing) < GRAZING, np.copysign(GRAZING, facing), facing)
-    longer = np.zeros(len(points))
-    here = _off(shape, points, at)
+    wide_m = cloud.beam_m if cloud.pointing_m is None else np.hypot(cloud.beam_m, cloud.pointing_m)
+    longer, turned, here = np.zeros(len(points)), np.zeros(len(points)), _off(shape, points, at)
     for across in _across(beams):
         lean = -(across * outward).sum(axis=1) / facing
-        step = cloud.beam_m[:, None] * (across + beams * lean[:, None])
-        bulge = (_off(shape, points + step, at) + _off(shape, points - step, at)) / 2.0 - here
-        stronger = (_facing(shape, points + step, at, beams) - _facing(shape, points - step, at, beams)) / 2.0
+        step = across + beams * lean[:, None]
+        by = cloud.beam_m[:, None] * step
+        stronger = (_facing(shape, points + by, at, beams) - _facing(shape, points - by, at, beams)) / 2.0
+        by = wide_m[:, None] * step
+        bulge = (_off(shape, points + by, at) + _off(shape, points - by, at)) / 2.0 - here
         longer += (cloud.beam_m * lean * stronger - bulge) / facing
-    moved = cloud.points - cloud.directions * longer[:, None]
-    return replace(cloud, points=moved)
+        turned += (stronger * wide_m / cloud.beam_m / facing) ** 2
+    known = there.hit & (np.sqrt(turned) <= TURNING)
+    return replace(cloud, points=cloud.points - cloud.directions * longer[:, None]), known
 
 
 def _facing(shape: Shape, points: Floats, at: Guess, beams: Floats) -> Floats:

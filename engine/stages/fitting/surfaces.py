@@ -13,6 +13,7 @@ from engine.model.fits import PARAMETERS, Cloud, Fit, Fitting, Shape, Unfitted, 
 from engine.model.geometry import Floats, Truths
 from engine.stages.fitting.beams import narrowed
 from engine.stages.fitting.distances import distances, normals, slopes
+from engine.stages.fitting.rays import GRAZING, met
 from engine.stages.fitting.starts import SAMPLE, Guess, guesses
 
 BELONGS = 3.5  # standard deviations: a point farther off does not belong to the shape
@@ -23,8 +24,8 @@ STARTS, ROUNDS, STEPS = (
     25,
 )  # guesses that are refined, choices of points, steps of least squares for each choice
 SHORTER = (1.0, 0.5, 0.25, 0.1, 0.02)  # parts of a step that are tried, until one is no worse
+PASSES = 2  # of taking out what a wide beam does: the first begins from a shape that it has moved
 SHARE = 0.5  # of the points that must belong
-GRAZING = 0.05  # cosine: along a beam flatter than this the distance means little
 VAGUE = 0.05  # rad, or of a radius: with larger standard deviations, shapes are no longer linear in their parameters
 STILL = 1e-3  # standard deviations: a step that moves the shape by less is the last
 LOOSE = 1e-9  # how much smaller than the best known direction of its parameters a shape's worst may be
@@ -34,14 +35,15 @@ def fitted(shape: Shape, cloud: Cloud) -> Fitting:
     """The shape to which most of the points belong, or why there is none."""
     if (reason := _senseless(shape, cloud)) is not None:
         return Unfitted(reason)
-    found = [_settled(shape, cloud, each) for each in guesses(shape, cloud, STARTS)]
+    every = np.ones(len(cloud.points), bool)
+    found = [_settled(shape, cloud, every, each) for each in guesses(shape, cloud, STARTS)]
     kept = [each for each in found if each is not None]
     if not kept:
         return Unfitted(f"no {shape} goes through the points")
     best = max(kept, key=lambda each: (int(each.used.sum()), -each.chi2))
-    if cloud.beam_m is not None:
+    for _ in range(PASSES if cloud.beam_m is not None else 0):
         at = Guess(best.T_world_shape, np.asarray(best.radius_m), np.asarray(best.angle_rad))
-        best = _settled(shape, narrowed(shape, cloud, at), at) or best
+        best = _settled(shape, *narrowed(shape, cloud, at), at) or best
     share = float(best.used.mean())
     if share < SHARE:
         return Unfitted(f"only {share:.0%} of the points lie on one {shape}")
@@ -75,19 +77,20 @@ def _senseless(shape: Shape, cloud: Cloud) -> str | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Local:
-    """Points in the frame of a shape: distances and slopes by standard deviations, a row for each number."""
+    """Points in the frame of a shape: distances and slopes by standard deviations, a row for each number; and these in metres."""
 
     off: Floats
     by: Floats
+    sigma: Floats
 
 
-def _settled(shape: Shape, cloud: Cloud, guess: Guess) -> Fit | None:
-    """The shape after the points that belong to it have settled; None if they do not, or leave it loose."""
+def _settled(shape: Shape, cloud: Cloud, among: Truths, guess: Guess) -> Fit | None:
+    """The shape after the points that belong to it, among some, have settled; None if they do not, or leave it loose."""
     at, used, limit = guess, np.zeros(len(cloud.points), bool), np.inf
     for _ in range(ROUNDS):
         off = _worst(_local(shape, cloud, at), shape)
         limit = max(BELONGS, min(limit / 2, USUAL * float(np.median(off))))
-        now = off <= limit
+        now = among & (off <= limit)
         if limit == BELONGS and (now == used).all():
             return _finished(shape, cloud, at, used)
         if now.sum() <= len(PARAMETERS[shape]):
@@ -106,20 +109,50 @@ def _worst(local: _Local, shape: Shape) -> Floats:
     return found
 
 
-def _local(shape: Shape, cloud: Cloud, at: Guess) -> _Local:
+def _local(shape: Shape, cloud: Cloud, at: Guess, sigma: Floats | None = None) -> _Local:
+    """The points in the frame of a shape; `sigma` (rows,), if given, stands for the standard deviations that follow from the shape."""
     points = apply(inverse(at.T), cloud.points)
-    off = distances(shape, points, np.asarray(at.radius_m), np.asarray(at.angle_rad))
-    sigma = np.broadcast_to(cloud.sigma_m[:, None], off.shape)
-    if cloud.directions is not None:
-        beams = cloud.directions @ at.T[:3, :3]
-        facing = np.abs((normals(shape, points, float(at.angle_rad)) * beams[:, None]).sum(axis=-1))
-        sigma = sigma * np.maximum(facing, GRAZING)
-    by = slopes(shape, points, float(at.radius_m), float(at.angle_rad))
-    return _Local((off / sigma).ravel(), (by / sigma[..., None]).reshape(-1, by.shape[-1]))
+    radius, angle = float(at.radius_m), float(at.angle_rad)
+    if cloud.directions is not None and shape is not Shape.CIRCLE:
+        off, by, own = _along(shape, cloud, at, points)
+    else:
+        off = distances(shape, points, np.asarray(at.radius_m), np.asarray(at.angle_rad)).ravel()
+        by = slopes(shape, points, radius, angle).reshape(len(off), -1)
+        own = _square_to(shape, cloud, at, points).ravel()
+    sigma = own if sigma is None else sigma
+    return _Local(off / sigma, by / sigma[:, None], sigma)
+
+
+def _square_to(shape: Shape, cloud: Cloud, at: Guess, points: Floats) -> Floats:
+    """The standard deviations (n, rows) square to a shape."""
+    rows = 2 if shape is Shape.CIRCLE else 1
+    sigma: Floats = np.broadcast_to(cloud.sigma_m[:, None], (len(points), rows))
+    if cloud.directions is None:
+        return sigma
+    beams = cloud.directions @ at.T[:3, :3]
+    facing = np.abs((normals(shape, points, float(at.angle_rad)) * beams[:, None]).sum(axis=-1))
+    found: Floats = sigma * np.maximum(facing, GRAZING)
+    return found
+
+
+def _along(shape: Shape, cloud: Cloud, at: Guess, points: Floats) -> tuple[Floats, Floats, Floats]:
+    """By how much each range is too long (n,), how that changes with the shape (n, p), and its standard deviation (n,)."""
+    assert cloud.directions is not None
+    radius, angle = float(at.radius_m), float(at.angle_rad)
+    there = met(shape, points, cloud.directions @ at.T[:3, :3], radius, angle)
+    sigma = cloud.sigma_m
+    if cloud.pointing_m is not None:
+        tangent = np.sqrt(np.maximum(1.0 - there.facing**2, 0.0)) / np.abs(there.facing)
+        sigma = np.hypot(sigma, cloud.pointing_m * tangent)
+    return there.behind_m, slopes(shape, there.feet, radius, angle)[:, 0] / there.facing[:, None], sigma
 
 
 def _least_squares(shape: Shape, cloud: Cloud, at: Guess, used: Truths) -> Guess | None:
-    """The nearest shape with the least squares over the used points: steps of Gauss and Newton, halved where they overshoot."""
+    """The nearest shape with the least squares over the used points: steps of Gauss and Newton, halved where they overshoot.
+
+    The weights stay those of the first shape. If they followed each step, the least sum would be at a shape that makes the deviations look
+    large, not at the one that the points lie on.
+    """
     some = _some(cloud, used)
     at = _centred(shape, some, at)
     local = _local(shape, some, at)
@@ -130,7 +163,7 @@ def _least_squares(shape: Shape, cloud: Cloud, at: Guess, used: Truths) -> Guess
             return None
         for part in SHORTER:
             moved = _centred(shape, some, _moved(shape, at, np.asarray(part * step, float)))
-            there = _local(shape, some, moved)
+            there = _local(shape, some, moved, local.sigma)
             if (now := float(there.off @ there.off)) <= cost:
                 break
         else:
@@ -142,8 +175,9 @@ def _least_squares(shape: Shape, cloud: Cloud, at: Guess, used: Truths) -> Guess
 
 
 def _some(cloud: Cloud, used: Truths) -> Cloud:
-    directions, beam = (None if each is None else each[used] for each in (cloud.directions, cloud.beam_m))
-    return Cloud(cloud.points[used], cloud.sigma_m[used], directions, beam)
+    beams = (cloud.directions, cloud.beam_m, cloud.pointing_m)
+    directions, beam, pointing = (None if each is None else each[used] for each in beams)
+    return Cloud(cloud.points[used], cloud.sigma_m[used], directions, beam, pointing)
 
 
 def _moved(shape: Shape, at: Guess, step: Floats) -> Guess:

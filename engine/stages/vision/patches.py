@@ -17,6 +17,7 @@ from engine.stages.vision.slopes import inverse_depths, planes_beside
 
 BESIDE_PX = 1  # of a roof or a crease
 FLATTEST = 0.1  # cosine: of a surface seen flatter, the lean is not known well
+AROUND = 2  # pixels on either side whose strength counts
 SLOPES = 3  # pixels on either side that tell how a surface leans
 
 
@@ -43,8 +44,25 @@ def sigma_of(image: RangeImage) -> Floats:
 
 
 def cloud_of(image: RangeImage, edges: Edges, window: Window) -> Cloud:
-    """The points of a patch in the frame of the eye, with their deviations along the beams."""
+    """The points of a patch in the frame of the eye, with their deviations along the beams.
+
+    What follows from where a beam points is left to the fit, which knows how the surface leans.
+    """
     used = np.zeros(image.range_m.shape, dtype=bool)
     used[window.rows, window.columns] = guarded(image, edges)[window.rows, window.columns]
-    beam_m = image.tool.beam_rad / 4.0 * image.range_m[used]
-    return Cloud(image.points[used], sigma_of(image)[used], image.beams[used], beam_m)
+    metres = image.range_m[used]
+    beam_m, pointing_m = image.tool.beam_rad / 4.0 * metres, image.tool.pointing_rad * metres
+    noise_m = image.tool.noise_m / _usual_strength(image, used)[used]
+    return Cloud(image.points[used], noise_m, image.beams[used], beam_m, pointing_m)
+
+
+def _usual_strength(image: RangeImage, used: Truths) -> Floats:
+    """The mean strength (h, w) of the used pixels around each.
+
+    A beam that points beside its direction errs in range and in strength together; a weight from its own strength would bias the fit.
+    """
+    size = 2 * AROUND + 1
+    total = ndimage.uniform_filter(np.where(used, image.strength, 0.0), size, mode="constant")
+    count = ndimage.uniform_filter(used.astype(float), size, mode="constant")
+    found: Floats = total / np.where(used, count, 1.0)
+    return found
