@@ -9,12 +9,11 @@ import pytest
 from kb.diagnostics import InvalidInput
 from kb.files import reading
 from kb.loader import load
-from kb.targets import BUNDLED
 
 
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(BUNDLED / "themse", tmp_path / "themse"))
+    return Path(shutil.copytree(Path(__file__).parent / "editing" / "laboratory", tmp_path / "themse"))
 
 
 def test_what_is_not_saved_is_read_and_what_was_read_is_noted(cell: Path) -> None:

@@ -95,8 +95,12 @@ def problems(draw: st.DrawFn) -> Problem:
 
 
 def about(problem: Problem, kept: set[str]) -> set[str]:
-    """What is true of some objects, as clingo says."""
-    return {str(each) for each in evaluated(problem).everything() if kept.issuperset(names(each))}
+    """What is true of some objects, as clingo says, as far as operators ask for it."""
+    asked = {
+        part.atom.name for each in problem.domain.operators for part in each.body if isinstance(part, Literal)
+    }
+    found = (each for each in evaluated(problem).everything() if each.name in asked)
+    return {str(each) for each in found if kept.issuperset(names(each))}
 
 
 @settings(deadline=None)
