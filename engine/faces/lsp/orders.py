@@ -10,6 +10,7 @@ import os
 import re
 import sys
 import tempfile
+import uuid
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ async def carry_out(server: LanguageServer, desk: Desk, command: str, uri: str) 
     """Carry an order out, show what it says, and return it with its exit code."""
     verb, path = ORDERS[command], path_of(uri)
     name = f"{verb} {Path(path).stem}"
-    token = f"{name} {id(object())}"
+    token = f"{name} {uuid.uuid4()}"
     progress = server.work_done_progress
     shown = (
         server.client_capabilities.window is not None and server.client_capabilities.window.work_done_progress
