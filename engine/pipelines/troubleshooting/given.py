@@ -125,7 +125,7 @@ def numbered(failed: Failed) -> tuple[Failed, str]:
     if int(failed.step) not in ids:
         hint = f"its steps are {ids[0]} to {ids[-1]}" if ids else "it has no steps"
         raise InvalidInput([Diagnostic(STEP, "K410", f"the plan has no step {failed.step}", hint)])
-    place = ids.index(int(failed.step))
+    place = ids.index(StepId(int(failed.step)))
     step = str(plan.steps[place].operator)
     return Failed(failed.file, step, failed.done or ", ".join(map(str, ids[:place]))), step
 
