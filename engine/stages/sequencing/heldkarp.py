@@ -79,14 +79,27 @@ def bound(
     effort: int = EFFORT,
     opened: bool = False,
 ) -> int:
-    """A lower bound on all closed tours of n >= 8 cities. `near` (n, k) are candidates, `tour` is a good tour.
+    """A lower bound on all closed tours, as `raised` finds it. If it is interrupted, it has no time for a bound on many cities: 0."""
+    return raised(costs, near, tour, interrupted, effort, opened)[0]
 
-    The last city of an `opened` tour is no place: it stands for its ends. `effort` is the number of cities that are looked at. If it is interrupted, it has no time for a bound on many cities: 0.
+
+def raised(
+    costs: Costs,
+    near: Ints,
+    tour: Ints,
+    interrupted: Interrupted = never,
+    effort: int = EFFORT,
+    opened: bool = False,
+) -> tuple[int, Floats]:
+    """A lower bound on all closed tours of n >= 8 cities, and penalties (n,) that were found last.
+
+    `near` (n, k) are candidates, `tour` is a good tour. The last city of an `opened` tour is no place: it stands for its ends.
+    `effort` is the number of cities that are looked at.
     """
     n, upper, best = len(costs), costs.of_tour(tour), -np.inf
     costs = costs.tabled()
     if n > QUICK and interrupted():
-        return 0
+        return 0, np.zeros(n)
     cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
     first = _codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n)
     edges = _edges(costs, np.concatenate(first))
@@ -105,7 +118,7 @@ def bound(
             break
         if len(fresh):
             edges = _edges(costs, np.concatenate((known, fresh, _promising(costs, penalty))))
-    return min(upper, int(np.ceil(best))) if np.isfinite(best) else 0
+    return min(upper, int(np.ceil(best))) if np.isfinite(best) else 0, penalty
 
 
 def _codes(a: NDArray[np.integer], b: NDArray[np.integer], n: int) -> Longs:

@@ -21,6 +21,7 @@ from engine.stages.sequencing.limits import Limits
 from engine.stages.sequencing.ordered import best_first_order, solve_directed
 
 METHODS = ("auto", "chain1987", "exact")
+FEW = 20  # so few cities have no clusters
 PROVABLE = 120  # the default method tries to prove its tour up to this number of visits
 MATRIX = 8000  # more visits have no matrix of costs, which some methods need
 CHAINED = 12  # up to this number of visits the search begins with the chain of 1987
@@ -238,23 +239,37 @@ def _rolled(problem: TourProblem, order: tuple[int, ...], costs: Costs) -> tuple
     return (*order, len(order)) if len(costs) > len(problem.visits) else order
 
 
+def _lower(
+    costs: Costs, matrix: symmetric.Matrix, tour: Ints, opened: bool, limits: Limits, provable: bool
+) -> tuple[int, Floats]:
+    """A lower bound and its penalties (n,). Where clusters keep it far from the tour, it is raised for whole clusters first."""
+    upper, steps = costs.of_tour(tour), 2000 if provable else 0
+    found = symmetric.bound(matrix, upper, steps, limits.interrupted)
+    if not provable or len(costs) < FEW or upper - found[0] <= CLOSE * upper or limits.interrupted():
+        return found
+    near = symmetric.candidates(costs, None, limits.interrupted)
+    _, penalties = heldkarp.raised(costs, near, tour, limits.interrupted, opened=opened)
+    again = symmetric.bound(matrix, upper, steps, limits.interrupted, penalties)
+    return max(found, again, key=lambda each: each[0])
+
+
 def _bounded(problem: TourProblem, made: Tour, costs: Costs, extra: int, limits: Limits) -> Tour:
     """The tour with a lower bound by a matrix. If a proof seems possible, it is proved or replaced by a better tour."""
     from engine.stages.sequencing.kernels.bounds import excess
 
     upper, matrix = made.cost - extra, _matrix(costs)
     provable = len(problem.visits) <= PROVABLE or made.method == "exact"
-    lower, penalties = symmetric.bound(matrix, upper, 2000 if provable else 0, limits.interrupted)
+    rolled = np.array(_rolled(problem, made.order, costs), np.int32)
+    lower, penalties = _lower(costs, matrix, rolled, len(costs) > len(problem.visits), limits, provable)
     made = replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
     if made.proved or not provable or made.method == "chain1987" or limits.interrupted() or not limits.proof:
         return made
     from engine.stages.sequencing.exact import solve_circuit
 
     allowed = lower + excess(matrix, penalties) <= upper + 1
-    rolled = _rolled(problem, made.order, costs)
-    allowed[list(rolled), [*rolled[1:], rolled[0]]] = True
+    allowed[rolled, np.roll(rolled, -1)] = True
     allowed |= allowed.T
-    solved = solve_circuit(matrix.astype(np.int64), allowed, upper, rolled, limits)
+    solved = solve_circuit(matrix.astype(np.int64), allowed, upper, tuple(rolled.tolist()), limits)
     if solved.order is None:
         return made
     order = _unrolled(problem, np.array(solved.order, np.int32))
