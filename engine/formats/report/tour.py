@@ -95,10 +95,17 @@ def time_text(time: int | None, unit: str) -> list[RenderableType]:
 
 def summary(tour: Tour, problem: TourProblem) -> str:
     """One line: the number of visits, the cost, and its quality."""
-    kind, unit = "closed" if problem.closed else "open", f" {problem.unit}" if problem.unit else ""
+    kind = "closed" if problem.closed else "open"
     good = "proved least" if tour.proved else f"at most {100 * tour.gap:.2f} % above the least"
-    bound = "no lower bound" if tour.gap == float("inf") else f"lower bound {tour.lower_bound}: {good}"
-    return f"{len(tour.order)} visits, {kind}, cost {tour.cost}{unit}, {bound}"
+    bound = "no lower bound"
+    if tour.gap != float("inf"):
+        bound = f"lower bound {_cost(tour.lower_bound, problem.unit)}: {good}"
+    return f"{len(tour.order)} visits, {kind}, cost {_cost(tour.cost, problem.unit)}, {bound}"
+
+
+def _cost(cost: int, unit: str) -> str:
+    """A cost as people say it: millionths of a metre or of a second as metres or seconds."""
+    return f"{cost / 1e6:.3f} {unit[1:]}" if unit.startswith("µ") else f"{cost} {unit}".strip()
 
 
 def _runs(tour: Tour, problem: TourProblem) -> list[tuple[str, list[str]]]:
