@@ -13,7 +13,7 @@ from engine.model.outcome import Outcome
 from engine.model.schedule import Timetable
 from engine.pipelines.execution.checkpoints import past_of
 from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.faults import settled
+from engine.pipelines.execution.faults import refuse_unknown, settled
 from engine.pipelines.execution.inspector import datums_first, measured_in
 from engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
 from engine.pipelines.execution.orders import Orders
@@ -162,8 +162,9 @@ def named(wanted: Wanted, problem: Problem) -> Wanted:
     """The same under the name of a new run: as asked for, or the problem's with the next number.
 
     A simulated cell gets a log beside the journal, so that the run can be resumed. Raises `InvalidInput` for a name that is
-    taken.
+    taken, and for faults that no plan can have: before any time goes into a plan.
     """
+    refuse_unknown(wanted.options.get("fault", ""), fault_base(problem))
     with Journal(wanted.store) as journal:
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         for run in [wanted.run] if wanted.run else (f"{problem.name}-{n}" for n in itertools.count(1)):

@@ -17,7 +17,14 @@ def settled(text: str, ready: Ready, base: FaultModel | None) -> str:
     return "; ".join(_settled(each.strip(), ready, base) for each in text.split(";") if each.strip())
 
 
-def _settled(text: str, ready: Ready, base: FaultModel | None) -> str:
+def refuse_unknown(text: str, base: FaultModel | None) -> None:
+    """Refuse what is wrong with faults whatever the plan will be. Raises `InvalidInput`."""
+    for each in filter(None, (part.strip() for part in text.split(";"))):
+        _parted(each, base)
+
+
+def _parted(text: str, base: FaultModel | None) -> tuple[str, str, str]:
+    """The step of a fault, its cause, and its exception or nothing."""
     named, equals, rest = text.rpartition("=")
     cause, _, exception = rest.partition("@")
     named, cause = named.strip(), cause.strip()
@@ -27,6 +34,12 @@ def _settled(text: str, ready: Ready, base: FaultModel | None) -> str:
         raise _refused("the domain has no fault base", "write a faults.yaml beside it")
     if cause not in base.causes:
         raise InvalidInput([unknown_name("cause", cause, base.causes, WHERE)])
+    return named, cause, exception
+
+
+def _settled(text: str, ready: Ready, base: FaultModel | None) -> str:
+    named, cause, exception = _parted(text, base)
+    assert base is not None
     action, _, time = named.partition("#")
     steps = [step.operator for step in sorted(ready.plan.steps, key=lambda s: (ready.starts[s.id], s.id))]
     found = _step(action.strip(), ready, steps)

@@ -1,0 +1,31 @@
+"""Faults that a person orders for a run: what is wrong with them is told before any plan is made."""
+
+from pathlib import Path
+
+import pytest
+
+from engine.pipelines.execution import Wanted, listed
+from engine.pipelines.planning import problem_of
+from kb.diagnostics import InvalidInput
+from kb.store.journal import Journal
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("pick#3=not_griped", "unknown cause 'not_griped'"),
+        ("pick#3", "'pick#3' is no fault"),
+        ("=not_gripped", "'=not_gripped' is no fault"),
+        ("pick#3=not_gripped; pick#4=nobody", "unknown cause 'nobody'"),
+    ],
+)
+def test_faults_that_no_plan_can_have_are_refused_before_one_is_made(
+    tmp_path: Path, fault: str, said: str
+) -> None:
+    store = str(tmp_path / "runs.db")
+    wanted = Wanted("themse/one", store=store, options={"fault": fault})
+    with pytest.raises(InvalidInput) as refused, listed(wanted, problem_of("themse/one")):
+        pytest.fail("a plan would be made now")
+    assert said in str(refused.value.diagnostics[0])
+    with Journal(store) as journal:
+        assert journal.begun() == ()
