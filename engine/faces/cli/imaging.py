@@ -148,15 +148,8 @@ def _image(
     from kb.loader.cell import cell_of
 
     problem = planning.problem_of(target)
-    found = measured_surface(
-        problem,
-        cell_of(target),
-        geometry_backend(),
-        name,
-        sigma_m,
-        seed,
-        None if off is None else np.array(off),
-    )
+    true = None if off is None else np.array(off)
+    found = measured_surface(problem, cell_of(target), geometry_backend(), name, sigma_m, seed, true)
     if isinstance(found, Vague):
         told = found.reason
         return Answer("refused", {"reason": told}, lambda: Text(told), FINDINGS)

@@ -112,18 +112,9 @@ def plan(
     _refuse_unseen(format, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
     searching["--strategy"] = strategy != "auto"
-    work = SearchOptions(
-        time_limit,
-        expansions,
-        seed,
-        "race" if race else strategy,
-        anytime,
-        store,
-        folded,
-        objective or (Wish.COST if strategy == "shortest" else None),
-        _order(order, searching),
-        motion,
-    )
+    way, wish = "race" if race else strategy, objective or (Wish.COST if strategy == "shortest" else None)
+    ordered = _order(order, searching)
+    work = SearchOptions(time_limit, expansions, seed, way, anytime, store, folded, wish, ordered, motion)
     give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
 
 
