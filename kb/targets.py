@@ -56,16 +56,21 @@ def find(target: str) -> Path:
     raise InvalidInput([_not_found(target, path, [*known, *candidates])])
 
 
+def bundled_scenes() -> dict[str, Path]:
+    """The scenes that come with the engine, by name."""
+    found = {path.parent.name: path for path in sorted(BUNDLED.glob(f"*/{SCENE_FILE}"))}
+    more = sorted(path for path in BUNDLED.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
+    return found | {f"{path.parent.parent.name}/{path.stem}": path for path in more}
+
+
 def find_scene(name: str) -> Path:
     """The file of a scene, by path or bundled name such as `handey` or `handey/five`. Raises `InvalidInput`."""
-    bundled = {path.parent.name: path for path in sorted(BUNDLED.glob(f"*/{SCENE_FILE}"))}
-    more = sorted(path for path in BUNDLED.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
-    bundled |= {f"{path.parent.parent.name}/{path.stem}": path for path in more}
+    known = bundled_scenes()
     if is_file(Path(name)):
         return Path(name)
-    if name in bundled:
-        return bundled[name]
-    hint = nearest(name, list(bundled)) or f"bundled: {', '.join(bundled)}"
+    if name in known:
+        return known[name]
+    hint = nearest(name, list(known)) or f"bundled: {', '.join(known)}"
     raise InvalidInput([Diagnostic(Source(name), "K401", "no file and no bundled scene of this name", hint)])
 
 
