@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import is_file, is_folder, is_there
+from kb.files import is_file, is_folder, is_there, similar
 
 if TYPE_CHECKING:
     from kb.model.domain import Domain
@@ -110,7 +110,8 @@ def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:
     if is_folder(path):
         hint = "name a problem file, or make a domain here with `cellwright init`"
         return Diagnostic(where, "K401", f"there is no {DOMAIN_FILE} in this folder", hint)
-    hint = nearest(target, known) or f"bundled: {', '.join(known)}"
+    beside = similar(path) if path.suffix in (".yaml", ".yml", ".json") else ""
+    hint = beside or nearest(target, known) or f"bundled: {', '.join(known)}"
     return Diagnostic(where, "K401", "no file, bundled domain or problem of this name", hint)
 
 

@@ -201,3 +201,16 @@ def test_a_home_that_cannot_be_written_is_told_with_the_way_out(
     assert ran.exit_code == 2
     assert "K415" in ran.stderr
     assert "--store FILE, or CELLWRIGHT_STORE" in ran.stderr
+
+
+def test_a_file_that_is_not_there_is_named_by_one_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plan.json").touch()
+    (tmp_path / "cells").mkdir()
+    (tmp_path / "cells" / "mine.yaml").touch()
+    assert "did you mean 'plan.json'?" in CliRunner().invoke(app, ["validate", "plan.jsn"]).stderr
+    assert "did you mean 'cells/mine.yaml'?" in CliRunner().invoke(app, ["plan", "cells/min.yaml"]).stderr
+    assert "did you mean" not in CliRunner().invoke(app, ["validate", "nothing"]).stderr
+    assert "bundled: " in CliRunner().invoke(app, ["plan", "nowhere/x.yaml"]).stderr
