@@ -111,8 +111,8 @@ def hopeless(
     Goals of derived predicates that grounding has replaced by what they stand for are not among `reached`: of them nothing is said.
     """
     wanted = {atom for each in problems for atom in _wanted(each)}
-    told = {atom.name for atom in reached}
-    if any(problem.domain.predicates[a.name].kind is Kind.DERIVED and a.name not in told for a in wanted):
+    derived = {name for name, each in problem.domain.predicates.items() if each.kind is Kind.DERIVED}
+    if {atom.name for atom in wanted} & derived - {atom.name for atom in reached}:
         return
     own = set(_wanted(problem)) or {
         part for c in problem.chains for each in c.stages for part in parts_of(each)

@@ -96,7 +96,9 @@ def assert_shown(path: Path, results: Mapping[Run, Result], update: bool) -> Non
     if update and not os.environ.get("CI"):
         write(path, ((each, renewed(each.shown or "", printed(ran))) for each, ran in results.items()))
     lines = {each.line for each in results}
-    now = [each for each in parts(path.read_text("utf-8")) if isinstance(each, Run) and each.shown is not None]
+    now = [
+        each for each in parts(path.read_text("utf-8")) if isinstance(each, Run) and each.shown is not None
+    ]
     texts = [printed(ran) for each, ran in results.items() if each.shown is not None]
     for each, text in zip((each for each in now if each.line in lines), texts, strict=True):
         if not fits(each.shown or "", text):

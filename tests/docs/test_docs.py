@@ -186,7 +186,9 @@ EXAMPLES = [
 SHOWN = {part.line for _, part in EXAMPLES}  # these are run where what they print is read, too
 
 
-@pytest.mark.parametrize("line", [timed(each) for each in written(OWN.values()) if each not in {*SHOWN, *PICTURES}])
+@pytest.mark.parametrize(
+    "line", [timed(each) for each in written(OWN.values()) if each not in {*SHOWN, *PICTURES}]
+)
 @pytest.mark.usefixtures("desk")
 def test_a_command_line_runs(line: str) -> None:
     result = run(filled(line))

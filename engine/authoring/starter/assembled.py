@@ -51,7 +51,9 @@ def _numbered(devices: Sequence[str]) -> dict[str, str]:
         if named:
             if not NAME.fullmatch(name) or name in found:
                 hint = "write NAME=DEVICE with a name of its own in small letters: hotel=rack"
-                raise InvalidInput([Diagnostic(Source("--with"), "K406", f"'{name}' cannot be the name", hint)])
+                raise InvalidInput(
+                    [Diagnostic(Source("--with"), "K406", f"'{name}' cannot be the name", hint)]
+                )
             found[name] = device
             continue
         count = sum(1 for other in found.values() if other == each)

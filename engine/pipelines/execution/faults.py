@@ -45,7 +45,9 @@ def _unknown(cause: str, base: FaultModel, steps: list[Function]) -> Diagnostic:
     """No such cause: the nearest name, or those that can show at these steps."""
     here = {name for step in steps for name in base.causes if possible(base, step, name)}
     near = nearest(cause, base.causes)
-    hint = near or (f"at {steps[0].name}: {', '.join(sorted(here))}" if here else f"nothing can fail at {steps[0].name}")
+    hint = near or (
+        f"at {steps[0].name}: {', '.join(sorted(here))}" if here else f"nothing can fail at {steps[0].name}"
+    )
     return replace(unknown_name("cause", cause, base.causes, WHERE), hint=hint)
 
 

@@ -64,7 +64,9 @@ def filled(file: File, values: Values, used: Source) -> Filled:
         if name is not None and name not in known:
             where = replace(file.at(found.start()), used=used)
             plain = [each for each in known if not each.endswith("_words")]
-            found_none = unknown_name("parameter", name, plain if not name.endswith("_words") else known, where)
+            found_none = unknown_name(
+                "parameter", name, plain if not name.endswith("_words") else known, where
+            )
             advice = f"{found_none.hint}; or declare it, under `own` for a name of the device, or under `parameters`"
             wrong.append(replace(found_none, hint=advice))
         value = "$" if name is None else known.get(name, name)
