@@ -18,7 +18,7 @@ def init(
         typer.Option(
             "--with",
             metavar="DEVICES",
-            help="put it together from devices: furnace,drawer,balance",
+            help="put it together from devices: furnace,drawer,balance; hotel=rack gives one a name",
             autocompletion=completion.devices,
         ),
     ] = None,
