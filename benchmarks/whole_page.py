@@ -107,13 +107,13 @@ def regressed(now: Measured, before: Measured | None, parts: Sequence[Part]) -> 
             continue
         if figure.worse(value, old):
             bar = " and misses its bar now" if figure.met(value) is False and figure.met(old) else ""
-            yield f"{figure.what}: {number(value)} {figure.unit}, it was {number(old)}{bar}"
+            yield f"{figure.what}: {told(value, figure)}, it was {number(old)}{bar}"
 
 
 def missed(now: Measured, parts: Sequence[Part]) -> list[str]:
     """The bars that are missed."""
     return [
-        f"{figure.what}: {number(value)} {figure.unit}, the bar is {number(figure.bar)}"
+        f"{figure.what}: {told(value, figure)}, the bar is {number(figure.bar)}"
         for figure in (figure for part in parts for figure in part.figures)
         if (value := now.value(figure)) is not None and figure.met(value) is False and figure.bar is not None
     ]
@@ -124,6 +124,11 @@ def number(value: float) -> str:
     if value == int(value) and abs(value) < 1e9:
         return f"{int(value):,}"
     return f"{value:.3g}"
+
+
+def told(value: float, figure: Figure) -> str:
+    """A value with its unit."""
+    return f"{number(value)} {figure.unit}".strip()
 
 
 def page(now: Measured, before: Measured | None, parts: Sequence[Part]) -> str:
@@ -189,10 +194,10 @@ def _row(now: Measured, before: Measured | None, part: Part, figure: Figure) -> 
     if figure.peer is not None:
         theirs = own.peers.get(figure.what) if own else None
         beside = f"{figure.peer[0]}: {'not measured' if theirs is None else number(theirs)}"
-    told = "not measured" if value is None else f"{number(value)} {figure.unit}".strip()
+    shown = "not measured" if value is None else told(value, figure)
     cells = (
         figure.what,
-        told,
+        shown,
         bar,
         met,
         "" if old is None else number(old),

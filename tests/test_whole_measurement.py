@@ -145,11 +145,11 @@ PARTS = [Part("one", "one.py", (), (), (TIME, COUNT)), Part("left", "left.py", (
         (measured(1.3, 3), measured(1.0, 3), ["time: 1.3 s, it was 1"]),
         (measured(2.5, 3), measured(1.9, 3), ["time: 2.5 s, it was 1.9 and misses its bar now"]),
         (measured(0.1, 3), measured(1.0, 3), []),
-        (measured(1.0, 2), measured(1.0, 3), ["count: 2 , it was 3 and misses its bar now"]),
+        (measured(1.0, 2), measured(1.0, 3), ["count: 2, it was 3 and misses its bar now"]),
         (
             measured(9.0, 2),
             measured(1.0, 3, replace(MACHINE, cores=64)),
-            ["count: 2 , it was 3 and misses its bar now"],
+            ["count: 2, it was 3 and misses its bar now"],
         ),
         (measured(None, None), measured(1.0, 3), []),
         (measured(None, None, failed="failed"), measured(1.0, 3), ["one fails; it did not the last time"]),
