@@ -253,7 +253,7 @@ def motion_play(
 
     def played() -> Answer:
         from engine.faces.cli import motion_play as films
-        from engine.faces.cli.run import default_store
+        from kb.store.own import default_store
 
         if run:
             return films.film_of_run(run, store or default_store(), seed, file, pace, seen)

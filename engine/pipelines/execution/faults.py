@@ -1,10 +1,12 @@
 """Faults that a person orders for a simulated run: which steps of the plan they are about, and whether they can occur there."""
 
+import re
 from collections.abc import Iterable
+from dataclasses import replace
 
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.simulator import possible
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest, unknown_name
 from kb.model.faults import FaultModel
 from kb.numbers import is_count
 from kb.terms import Function
@@ -33,7 +35,7 @@ def _parted(text: str, base: FaultModel | None) -> tuple[str, str, str]:
     if base is None:
         raise _refused("the domain has no fault base", "write a faults.yaml beside it")
     if cause not in base.causes:
-        raise InvalidInput([unknown_name("cause", cause, base.causes, WHERE)])
+        raise InvalidInput([_unknown(cause, base, re.split(r"[#(]", named)[0].strip())])
     return named, cause, exception
 
 
@@ -51,6 +53,20 @@ def _settled(text: str, ready: Ready, base: FaultModel | None) -> str:
         raise _refused(f"{cause} does not show at {action.strip()}", f"it shows at: {', '.join(where)}")
     instance = str(found[0]) if is_count(action.strip()) else action.strip()
     return f"{instance}{'#' + time if time else ''}={cause}{'@' + exception if exception else ''}"
+
+
+def _unknown(cause: str, base: FaultModel, operator: str) -> Diagnostic:
+    """No such cause: the nearest name, or those that can show at steps of the operator, if one is named."""
+    found = unknown_name("cause", cause, base.causes, WHERE)
+    shown = {
+        name
+        for each in base.exceptions.values()
+        if each.operator and each.operator.name == operator
+        for name in each.counts
+    }
+    if nearest(cause, base.causes) or not shown:
+        return found
+    return replace(found, hint=f"at {operator}: {', '.join(sorted(shown))}")
 
 
 def _step(action: str, ready: Ready, steps: list[Function]) -> list[Function]:

@@ -14,6 +14,7 @@ from kb.store.journal import Journal
     ("fault", "said"),
     [
         ("pick#3=not_griped", "unknown cause 'not_griped'"),
+        ("heat=xyz", "at heat: "),
         ("pick#3", "'pick#3' is no fault"),
         ("=not_gripped", "'=not_gripped' is no fault"),
         ("pick#3=not_gripped; pick#4=nobody", "unknown cause 'nobody'"),
@@ -26,6 +27,7 @@ def test_faults_that_no_plan_can_have_are_refused_before_one_is_made(
     wanted = Wanted("themse/one", store=store, options={"fault": fault})
     with pytest.raises(InvalidInput) as refused, listed(wanted, problem_of("themse/one")):
         pytest.fail("a plan would be made now")
-    assert said in str(refused.value.diagnostics[0])
+    (found,) = refused.value.diagnostics
+    assert said in f"{found.message} {found.hint}"
     with Journal(store) as journal:
         assert journal.begun() == ()
