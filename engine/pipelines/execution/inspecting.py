@@ -6,13 +6,14 @@ bad values are looked for; they are repeated. A decision that further values may
 planner says how long they take.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.model.fits import Alignment, Unaligned
 from engine.model.measurements import chooses_tools, named
 from engine.model.outcome import Found
-from engine.model.verdicts import Feature
+from engine.model.verdicts import Feature, Spoilt
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.toplevel import made
@@ -21,7 +22,7 @@ from engine.pipelines.verdicts.lying import Lying
 from engine.pipelines.verdicts.offers import Offer, offers
 from engine.pipelines.verdicts.worth import chance_of_decision
 from engine.stages.planning import Limits
-from kb.model.conditions import And, Condition, Literal, goal_parts
+from kb.model.conditions import And, Condition, Exists, Literal, goal_parts
 from kb.model.conformity import COVERAGE, Conformity
 from kb.model.plan import Plan
 from kb.model.problem import Problem
@@ -34,15 +35,19 @@ PORTIONS = (
     0.5,
     0.25,
     0.1,
-)  # of those that could be decided which are planned together, the likeliest first
+)  # of those that could be decided, the likeliest first, which are planned together
 
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """Measurements that are made again, by name with the reason, by which tools, and what is left undecided, with the reason."""
+    """Measurements that are made again, by name with the reason, and by which tools.
+
+    `what` says how many, `why` what the planner found of it, `left` why others stay undecided.
+    """
 
     names: Mapping[str, str] = field(default_factory=dict)
     tools: Mapping[str, str] = field(default_factory=dict)
+    what: str = ""
     why: str = ""
     left: str = ""
 
@@ -91,13 +96,15 @@ def moved(problem: Problem, lying: Lying) -> Problem:
     return displaced(problem, lying.T)
 
 
-def judged(problem: Problem, measured: Sequence[Measured], lying: Lying | None) -> tuple[Feature, ...]:
+def judged(
+    problem: Problem, measured: Sequence[Measured], lying: Lying | None, spoilt: Collection[Spoilt] = ()
+) -> tuple[Feature, ...]:
     """All features that were measured. Without any uncertainty there is nothing to judge."""
     if not any(each.uncertainty for each in measured):
         return ()
     from engine.pipelines.verdicts.assessing import assessed
 
-    return assessed(problem, measured, lying)
+    return assessed(problem, measured, lying, spoilt)
 
 
 def facts_of(problem: Problem, names: Collection[str], facts: Collection[Atom]) -> list[Atom]:
@@ -115,25 +122,46 @@ def repeats(
     undecided = [
         each for each in features if each.conformity is Conformity.UNDECIDED and tried[each.of] < MOST
     ]
-    found, left = _decisive(problem, undecided, list(doubtful), rest, limits, facts)
+    best = _decisive(problem, undecided, list(doubtful), rest, limits, facts)
+    found = {each.feature.of: each for each in best.gains}
     if not doubtful and not found:
-        return Repeat(left=left) if left else None
-    names = doubtful | {name: "it is undecided" for name in found}
-    return Repeat(names, {name: offer.tool for name, offer in found.items()}, _told(doubtful, found), left)
+        return Repeat(left=best.left) if best.left else None
+    names = doubtful | {name: f"it is undecided; {_chance(each)}" for name, each in found.items()}
+    tools = {name: each.offer.tool for name, each in found.items()}
+    return Repeat(names, tools, _told(doubtful, tools), best.why, best.left)
 
 
-def _told(doubtful: Mapping[str, str], found: Mapping[str, Offer]) -> str:
+def _told(doubtful: Mapping[str, str], tools: Mapping[str, str]) -> str:
+    by = Counter(tools.values())
     parts = [f"{len(doubtful)} doubtful"] if doubtful else []
-    return " and ".join([*parts, *([f"{len(found)} undecided"] if found else [])])
+    return " and ".join([*parts, *(f"{count} undecided with {tool}" for tool, count in sorted(by.items()))])
 
 
 @dataclass(frozen=True, slots=True)
 class _Gain:
-    """What another value of a feature by a tool is worth, in the domain's unit of time."""
+    """What another value of a feature by a tool is worth, in the domain's unit of time: the chance that it decides, by a decision's worth."""
 
     feature: Feature
     offer: Offer
-    worth: float
+    chance: float
+
+    @property
+    def worth(self) -> float:
+        """The worth of the value."""
+        return self.offer.worth * self.chance
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """Further values that gain most, why these, and why other features are left undecided."""
+
+    gains: tuple[_Gain, ...] = ()
+    why: str = ""
+    left: str = ""
+
+
+def _chance(gain: _Gain) -> str:
+    return f"a value of {gain.offer.tool} decides with {gain.chance:.0%}"
 
 
 def _decisive(
@@ -143,43 +171,73 @@ def _decisive(
     rest: Problem,
     limits: Limits,
     facts: Collection[Atom],
-) -> tuple[dict[str, Offer], str]:
-    """The undecided features whose further values are worth the time that the planner needs for them, and why the others are left."""
-    gains = sorted(_gains(problem, undecided), key=lambda each: (-each.worth, each.feature.of))
+) -> _Choice:
+    """The further values, and by which tools, that are worth most beyond the time that the planner needs for them."""
+    gains = [gain for feature in undecided for gain in _gains(problem, feature)]
     if not gains:
-        return {}, f"{len(undecided)} undecided: no further value is worth anything" if undecided else ""
-    base = _takes(rest, {name: "" for name in doubtful}, limits, facts) if doubtful else 0.0
-    best, net = dict[str, Offer](), 0.0
-    told = ""
-    for share in PORTIONS:
-        some = gains[: max(1, round(share * len(gains)))]
-        tools = {each.feature.of: each.offer.tool for each in some}
-        lasts = _takes(rest, {name: "" for name in doubtful} | tools, limits, facts)
-        worth = sum(each.worth for each in some)
-        if lasts is None or base is None:
-            continue
-        told = (
-            told
-            or f"{len(some)} undecided: further values take {lasts - base:.0f} and are worth {worth:.0f} {problem.domain.time_unit}"
+        return _Choice(
+            left=f"{len(undecided)} undecided: no further value is worth anything" if undecided else ""
         )
-        if worth - (lasts - base) > net:
-            best, net = {each.feature.of: each.offer for each in some}, worth - (lasts - base)
-        if share * len(gains) <= 1:
-            break
-    return best, "" if len(best) == len(undecided) else told
+    open_ = {name: "" for name in doubtful}
+    base = _takes(rest, open_, limits, facts) if doubtful else 0.0
+    tried = list[tuple[float, float, float, tuple[_Gain, ...]]]()  # net, worth, time
+    for some in _ways(gains):
+        lasts = _takes(rest, open_ | {each.feature.of: each.offer.tool for each in some}, limits, facts)
+        if lasts is not None and base is not None:
+            worth = sum(each.worth for each in some)
+            tried.append((worth - (lasts - base), worth, lasts - base, some))
+    if not tried:
+        return _Choice(left=f"{len(undecided)} undecided: there is no plan for further values")
+    unit = problem.domain.time_unit
+    best = max(tried, key=lambda each: each[0])
+    said = [
+        f"{_by_tools(some)} takes {lasts:.0f} {unit} and is worth {worth:.0f} {unit}"
+        for _, worth, lasts, some in tried
+    ]
+    if best[0] <= 0:
+        return _Choice(left=f"{len(undecided)} undecided: {'; '.join(said)}")
+    others = [each for each, one in zip(said, tried, strict=True) if one is not best]
+    why = said[tried.index(best)] + (f", but {'; '.join(others)}" if others else "")
+    return _Choice(
+        best[3],
+        why,
+        "" if len(best[3]) == len(undecided) else f"{len(undecided)} undecided: {'; '.join(said)}",
+    )
 
 
-def _gains(problem: Problem, undecided: Sequence[Feature]) -> list[_Gain]:
-    """For each feature the tool that most probably decides."""
-    found = []
-    for feature in undecided:
-        common = max(0.0, (feature.uncertainty or 0.0) ** 2 - _own(feature) ** 2) ** 0.5
-        each = [
-            _Gain(feature, offer, offer.worth * chance_of_decision(feature, offer.uncertainty, common))
-            for offer in offers(problem, feature)
-        ]
-        found += sorted((one for one in each if one.worth > 0), key=lambda one: -one.worth)[:1]
-    return found
+def _by_tools(gains: Sequence[_Gain]) -> str:
+    by = Counter(each.offer.tool for each in gains)
+    return " and ".join(f"{count} with {tool}" for tool, count in sorted(by.items()))
+
+
+def _ways(gains: Sequence[_Gain]) -> list[tuple[_Gain, ...]]:
+    """Sets of further values that are planned: by the tool that most probably decides each feature, and by one tool alone.
+
+    Of each, those that are worth most: all, and portions.
+    """
+    likeliest = dict[str, _Gain]()
+    for each in sorted(gains, key=lambda one: one.worth):
+        likeliest[each.feature.of] = each
+    alone = [
+        tuple(g for g in gains if g.offer.tool == tool) for tool in sorted({g.offer.tool for g in gains})
+    ]
+    found = dict[tuple[tuple[str, str], ...], tuple[_Gain, ...]]()
+    for way in (tuple(likeliest.values()), *alone):
+        order = sorted(way, key=lambda each: (-each.worth, each.feature.of))
+        for share in PORTIONS:
+            some = tuple(order[: max(1, round(share * len(order)))])
+            found.setdefault(tuple(sorted((g.feature.of, g.offer.tool) for g in some)), some)
+    return list(found.values())
+
+
+def _gains(problem: Problem, feature: Feature) -> list[_Gain]:
+    """What a further value of a feature is worth, by each tool that may decide."""
+    common = max(0.0, (feature.uncertainty or 0.0) ** 2 - _own(feature) ** 2) ** 0.5
+    each = [
+        _Gain(feature, offer, chance_of_decision(feature, offer.uncertainty, common))
+        for offer in offers(problem, feature)
+    ]
+    return [one for one in each if one.worth > 0]
 
 
 def _own(feature: Feature) -> float:
@@ -209,6 +267,12 @@ def reopened(rest: Problem, tools: Mapping[str, str], facts: Collection[Atom]) -
 def _by(rest: Problem, part: Condition, tools: Mapping[str, str]) -> Condition:
     """A goal with the tool that is named for its measurement."""
     tool = next((tools[name] for name in named(part, tools)), "")
-    if not tool or not isinstance(part, Literal) or part.atom.name != rest.domain.conventions.measured:
+    inner = part.part if isinstance(part, Exists) else part
+    if not tool or not isinstance(inner, Literal) or inner.atom.name != rest.domain.conventions.measured:
         return part
-    return Literal(replace(part.atom, arguments=(Function(tool), *part.atom.arguments[1:])), part.positive)
+    first, *others = inner.atom.arguments
+    told = Literal(replace(inner.atom, arguments=(Function(tool), *others)), inner.positive)
+    free = (
+        tuple(each for each in part.parameters if each.variable != first) if isinstance(part, Exists) else ()
+    )
+    return Exists(free, told) if free else told

@@ -6,16 +6,17 @@ the part lies does not become surer by that.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from engine.kernels.rigid import apply
 from engine.model.measurement import MeasurementPoint
-from engine.model.verdicts import Feature
+from engine.model.verdicts import Feature, Spoilt
 from engine.pipelines.points import METRES, PROFILE, points, with_places
 from engine.pipelines.verdicts.lying import Lying
+from engine.pipelines.verdicts.spoiling import set_aside, standing
 from engine.stages.fitting.consistency import expected
 from kb.model.conformity import COVERAGE
 from kb.model.problem import Problem
@@ -40,12 +41,27 @@ class _Known:
 
 
 def assessed(
-    problem: Problem, measured: Sequence[Measured], lying: Lying | None = None
+    problem: Problem,
+    measured: Sequence[Measured],
+    lying: Lying | None = None,
+    spoilt: Collection[Spoilt] = (),
 ) -> tuple[Feature, ...]:
-    """What was measured of each feature, in the order in which they were first measured."""
-    known = _by_feature(problem, measured, lying)
-    off = _off(known)
-    return tuple(_feature(each, off[key], lying) for key, each in known.items())
+    """What was measured of each feature, in the order in which they were first measured. Spoilt values count for nothing."""
+    known = _by_feature(problem, standing(measured, spoilt), lying)
+    off, aside = _off(known), set_aside(measured, spoilt)
+    found = {key: _feature(each, off[key], lying) for key, each in known.items()}
+    order = dict.fromkeys((each.of, each.quantity) for each in measured)
+    return tuple(_with_spoilt(found.get(key), aside.get(key, [])) for key in order)
+
+
+def _with_spoilt(found: Feature | None, aside: Sequence[tuple[Measured, str]]) -> Feature:
+    """A feature with the values that do not count any more; in doubt as long as it has no others."""
+    bad = tuple((each, f"{why} has put it in doubt") for each, why in aside)
+    if found is not None:
+        return replace(found, bad=(*bad, *found.bad)) if bad else found
+    last, why = aside[-1]
+    demand = (last.unit, last.nominal, last.lower, last.upper, last.risk)
+    return Feature(last.of, last.quantity, *demand, bad=bad, doubt=f"{why} has put its values in doubt")
 
 
 def _by_feature(problem: Problem, measured: Sequence[Measured], lying: Lying | None) -> dict[Key, _Known]:
