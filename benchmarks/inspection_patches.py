@@ -284,6 +284,12 @@ def told_of(errors: list[Error]) -> dict[str, float]:
     }
 
 
+def summary(off: list[float]) -> dict[str, float]:
+    """How many errors, the share within 95 %, and their mean by the stated standard deviation."""
+    within = float(np.mean(np.abs(off) < 1.96)) if off else 1.0
+    return {"count": len(off), "within": round(within, 4), "bias": round(float(np.mean(off or [0.0])), 3)}
+
+
 def main() -> int:
     """Print the errors of rendered patches: python benchmarks/inspection_patches.py [NUMBER]."""
     for name, row in patches(int(sys.argv[1]) if len(sys.argv) > 1 else 5000, 1).items():

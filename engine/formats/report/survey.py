@@ -69,7 +69,8 @@ def _parts(survey: Survey) -> Iterator[RenderableType]:
 
 
 def _repeated(each: Feature) -> tuple[str, ...]:
-    return each.of, "; then ".join(each.again), by_tools(each), each.judged
+    times = "" if len(each.again) == 1 else f" ({len(each.again)} times; this was the last reason)"
+    return each.of, each.again[-1] + times, by_tools(each), each.judged
 
 
 def by_tools(each: Feature) -> str:

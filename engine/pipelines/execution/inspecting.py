@@ -30,6 +30,7 @@ from kb.model.results import Measured
 from kb.terms import Atom, Function
 
 MOST = 5  # values of one feature
+LOOKS = 12  # values of one datum
 PORTIONS = (
     1.0,
     0.5,
@@ -87,6 +88,38 @@ def located(problem: Problem, measured: Sequence[Measured]) -> tuple[tuple[str, 
     if datums is None:
         return (), Unaligned("not all datums were measured")
     return datums.names, aligned(datums)
+
+
+@dataclass(frozen=True, slots=True)
+class Looks:
+    """Datums that are measured again before the part counts as found, with how often; `refused` says why that would not do."""
+
+    names: Mapping[str, int] = field(default_factory=dict)
+    told: str = ""
+    refused: str = ""
+
+
+def looks_needed(problem: Problem, measured: Sequence[Measured], found: Alignment) -> Looks | None:
+    """What a demand on how well the part is known (`aligned_within`) makes necessary; None if nothing is demanded, or it is met."""
+    import numpy as np
+
+    from engine.pipelines.points import points, with_places
+    from engine.pipelines.verdicts.lying import aligned_within_m, measured_datums, once_m
+    from engine.stages.fitting.looks import SURE, further_looks
+
+    within, datums = aligned_within_m(problem), measured_datums(problem, measured)
+    places = [point.position for point in points(with_places(problem))]
+    if within is None or datums is None or not places:
+        return None
+    sure = SURE * float(found.sigma_at(np.array(places)).max())
+    told = f"the part is known to {1e3 * sure:.3g} mm, and has to be to {1e3 * within:.3g} mm"
+    times = Counter(each.of for each in measured)
+    left = LOOKS - max(times[name] for name in datums.names)
+    looks = further_looks(found, datums, once_m(measured, datums.names), places, within, max(0, left))
+    if looks is None:
+        most = f"{LOOKS} values of each datum are not enough for that"
+        return Looks(refused=f"{told}; {most}: measure more datums, farther apart, or with a more exact tool")
+    return Looks(looks, told) if looks else None
 
 
 def moved(problem: Problem, lying: Lying) -> Problem:

@@ -8,14 +8,17 @@ from engine.model.cases import Revision
 from engine.model.execution import RecordKind
 from engine.model.fits import Alignment
 from engine.model.outcome import Found
+from engine.model.wording import counted
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.inspecting import (
+    Looks,
     Repeat,
     datums_asked,
     facts_of,
     first_stage,
     judged,
     located,
+    looks_needed,
     moved,
     reopened,
     repeats,
@@ -108,6 +111,9 @@ class Inspector:
         if not isinstance(found, Alignment):
             course.recorder.note(RecordKind.ALIGNMENT, part=[], wrong=list(found.off), why=found.reason)
             return _misfit(course, handler, found.off, found.reason)
+        looks = looks_needed(problem, standing(course.values, course.spoilt), found)
+        if looks is not None:
+            return self._looked_at_again(looks, problem, course, handler, limits)
         content = {
             "part": [float(each) for each in found.T_measured_nominal[:3].ravel()],
             "centre": found.centre.tolist(),
@@ -121,6 +127,22 @@ class Inspector:
         wrong: Sequence[str] = list(map(str, self.entry["wrong"]))
         _reopen(course, wrong, problem, "these datums disagree with the others")
         return self._planned(course, handler, handler.scope.rest(course.world.state), limits, ALIGNED)
+
+    def _looked_at_again(
+        self, looks: Looks, problem: Problem, course: Progress, handler: ExceptionHandler, limits: Limits
+    ) -> Further | GivesUp:
+        """Measure datums once more, because the part is not known as well as it has to be; or give up if that would not help."""
+        if looks.refused:
+            course.recorder.note(RecordKind.ALIGNMENT, part=[], wrong=[], why=looks.refused)
+            return GivesUp(looks.refused, stops=False)
+        names = {name: {"why": looks.told, "tool": ""} for name in looks.names}
+        what = f"measured again: {counted(len(names), 'datum')}"
+        course.recorder.note(RecordKind.DECISION, what=what, why=looks.told, again=names)
+        handler.story.append(f"{what}; {looks.told}")
+        rest, facts = handler.scope.rest(course.world.state), course.world.facts
+        again = reopened(rest, dict.fromkeys(names, ""), facts)
+        _reopen(course, list(names), problem, "they are measured again")
+        return self._planned(course, handler, again, limits, AGAIN)
 
     def _again(
         self, problem: Problem, course: Progress, handler: ExceptionHandler, limits: Limits
