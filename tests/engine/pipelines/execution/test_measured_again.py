@@ -69,7 +69,9 @@ def test_what_stays_undecided_is_measured_by_the_other_tool_where_that_is_worth_
 
 
 @pytest.mark.slow
-def test_the_other_tool_stays_in_the_rack_where_its_exchange_costs_more_than_a_decision(tmp_path: Path) -> None:
+def test_the_other_tool_stays_in_the_rack_where_its_exchange_costs_more_than_a_decision(
+    tmp_path: Path,
+) -> None:
     lines = (BUNDLED / "gauging" / "problems" / "two_probes.yaml").read_text().splitlines()
     far = [each.replace("domain: gauging", f"domain: {tmp_path / 'gauging'}") for each in lines]
     (tmp_path / "gauging").mkdir()
@@ -96,7 +98,9 @@ def test_a_drift_that_a_calibration_finds_puts_the_values_since_the_last_one_in_
     spoilt = [each for each in survey.features if any("drift_found" in why for _, why in each.bad)]
     lines = [each for each in lines_of(str(tmp_path / "runs.db")) if each.kind == RecordKind.WORLD.value]
     (found,) = [each for each in lines if each.content.get("spoils")]
-    assert len(spoilt) == len(found.content["spoils"]) == 25  # the four before the calibration in between stand
+    assert (
+        len(spoilt) == len(found.content["spoils"]) == 25
+    )  # the four before the calibration in between stand
     assert set(survey.counts()) == {"conforming"}
     late = [one for each in survey.features for one in each.values]
     assert all(abs(one.value - 8000.0) <= 30 for one in late)
@@ -164,7 +168,9 @@ def test_datums_are_measured_again_until_the_part_is_known_well_enough(tmp_path:
     assert np.abs(off[:3, 3]).max() < 5e-5
 
 
-def test_a_demand_that_the_datums_cannot_meet_is_refused_before_anything_else_is_measured(tmp_path: Path) -> None:
+def test_a_demand_that_the_datums_cannot_meet_is_refused_before_anything_else_is_measured(
+    tmp_path: Path,
+) -> None:
     target = demanding(tmp_path, 4)
     ending, survey = carried_out(tmp_path, target, json.loads((tmp_path / "truth.json").read_text()))
     assert ending.outcome == "partly"
