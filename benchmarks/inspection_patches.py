@@ -82,12 +82,11 @@ def turning(radius: float, angle: float) -> Solid:
 
 def ball(radius: float) -> Solid:
     """The half of a ball towards -z. Its facets lie outside as much as inside."""
-    rings, sides = 90, 181
-    polar, around = np.linspace(1e-4, 0.5 * np.pi, rings)[:, None], np.linspace(0, 2 * np.pi, sides)
+    polar, around = np.linspace(1e-4, 0.5 * np.pi, 90)[:, None], np.linspace(0, 2 * np.pi, 181)
     # In the mean a chord lies inside its arc by a twelfth of the square of its angle.
     wider = 1.0 + ((polar[1, 0] - polar[0, 0]) ** 2 + (around[1] * np.sin(polar)) ** 2) / 12.0
     out = radius * wider * np.sin(polar)
-    height = np.broadcast_to(-radius * wider * np.cos(polar), (rings, sides))
+    height = np.broadcast_to(-radius * wider * np.cos(polar), (90, 181))
     return woven(np.stack([out * np.cos(around), out * np.sin(around), height], axis=-1))
 
 

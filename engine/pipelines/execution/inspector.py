@@ -12,7 +12,6 @@ from engine.model.wording import counted
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.inspecting import (
     Looks,
-    Repeat,
     datums_asked,
     facts_of,
     first_stage,
@@ -21,11 +20,11 @@ from engine.pipelines.execution.inspecting import (
     looks_needed,
     moved,
     reopened,
-    repeats,
 )
 from engine.pipelines.execution.planned import Ready, ready
 from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.records import read_atom
+from engine.pipelines.execution.repeating import Repeat, repeats
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.toplevel import made
 from engine.pipelines.troubleshooting.recovery import recover

@@ -65,8 +65,8 @@ class HiddenCell:
         self.domain = CellDomain(self.problem)
         start = self.dynamics.start()
         self._know(start)
-        drifts = self.truth is not None and self.truth.drifting
-        self._memory = Memory.of(self.model if self.injections or self.body or drifts else None)
+        known = self.injections or self.body or (self.truth is not None and self.truth.drifting)
+        self._memory = Memory.of(self.model if known else None)
 
     def _know(self, state: WorldState) -> None:
         self.world = SymbolicWorld(self.problem.chains, set(state.facts), dict(state.reached))
@@ -98,9 +98,9 @@ class HiddenCell:
         return f"value({shown})" if shown else ""
 
     def _drifted(self, step: Function) -> tuple[Injection, Interruption] | None:
-        """What a calibration finds: the exception whose only cause is that its tool has drifted too far, or one that it can have."""
-        cause = self.truth.drifting.found(step) if self.truth is not None else None
-        if cause is None or self.model is None or any(cause in fault.causes for fault in self.faults):
+        """How a calibration shows that its tool has drifted too far: by the exception that has the fewest causes beside this."""
+        cause = self.truth.drifting.found(step) if self.truth else None
+        if not cause or not self.model or any(cause in each.causes for each in self.faults):
             return None
         found = min(_exceptions(self.model, step, cause), key=lambda each: len(each.counts), default=None)
         return None if found is None else (Injection(str(step), cause), found)
@@ -253,8 +253,7 @@ class HiddenCell:
         for fault in cured:
             before = self.world.state.facts
             self._know(fault.cell.cured(self.world.state, self.model.repairs[action]))
-            by = fault.cell.carried_out_by(self.model.repairs[action])
-            if by is not None and self.truth is not None:
+            if self.truth is not None and (by := fault.cell.carried_out_by(self.model.repairs[action])):
                 self.truth.drifting.calibrated(by)
             self.faults.remove(fault)
             self.helped.append(action)
@@ -265,8 +264,7 @@ class HiddenCell:
     def _sound(self) -> Fault:
         """A cell in which no cause is there, for tests that are made all the same."""
         assert self.model is not None
-        name = next(iter(self.model.exceptions))
-        cell = FaultyCell(self.dynamics, self.model, name, {})
+        cell = FaultyCell(self.dynamics, self.model, next(iter(self.model.exceptions)), {})
         return Fault(cell, (), HiddenWorld(self.model, Hypothesis(()), random.Random(self.seed)))
 
     def say(self, choices: Sequence[str]) -> str:

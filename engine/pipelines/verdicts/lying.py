@@ -112,6 +112,11 @@ def aligned_within_m(problem: Problem) -> float | None:
     return 1e-6 * min(numbers) if numbers else None
 
 
+def deviation_m(measured: Measured) -> float:
+    """How far (m) beyond its nominal value a value is."""
+    return (measured.value - (measured.nominal or 0.0)) * METRES[measured.unit]
+
+
 def displaced(problem: Problem, T: Floats) -> Problem:
     """The problem with the positions and normals of all its measurements displaced by T (4, 4)."""
     words, told = problem.domain.conventions, with_places(problem)

@@ -76,7 +76,7 @@ def _fanned(shape: Shape, cloud: Cloud, at: Guess, beams: Floats, middle: Met, w
     longer = spread - behind
     strength = np.maximum(facing / middle.facing, 0.0) / (1.0 + longer / away) ** 2
     turned = np.sqrt(WEIGHTS @ (facing / middle.facing - 1.0) ** 2)
-    return _Fan(longer, strength, turned, np.asarray(hit.all(axis=0)))
+    return _Fan(np.asarray(longer, float), strength, turned, np.asarray(hit.all(axis=0)))
 
 
 def _across(beams: Floats) -> tuple[Floats, Floats]:
