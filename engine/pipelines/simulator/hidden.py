@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from engine.model.cases import Hypothesis
-from engine.pipelines.measuring import Measuring
 from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, SymbolicWorld, WorldState
 from engine.pipelines.simulation.world import achievement
+from engine.pipelines.simulator.good_part import GoodPart
 from engine.pipelines.simulator.injections import Injection
 from engine.pipelines.simulator.physical import PhysicalBody, reading_by, told_by
 from engine.stages.diagnosis.knowledge import CURED
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 SILENCE = "timeout"  # the reply of the fault base for a step that is never answered
 FAILED = "failed"
-SCATTER = 20.0  # of what is measured, where nothing says what it should be
 VARIABLE = re.compile(r"\b(?:[A-Z]\w*|_)\b")
 
 
@@ -65,9 +64,8 @@ class HiddenCell:
     def __post_init__(self) -> None:
         self.dynamics = Dynamics(self.problem)
         self.domain = CellDomain(self.problem)
-        start = self.dynamics.start()
-        self._know(start)
-        self._measuring = Measuring(self.problem)
+        self._know(self.dynamics.start())
+        self._good = GoodPart(self.problem, self.seed)
         known = self.injections or self.body or (self.truth is not None and self.truth.drifting)
         self._memory = Memory.of(self.model if known else None)
 
@@ -198,22 +196,12 @@ class HiddenCell:
         return shown.reply if shown is not None else FAILED
 
     def _reply(self, step: Function, expects: str, part: Sequence[float]) -> str:
-        """A normal reply; without a hidden truth the part is a good one: what is measured is near to its nominal value."""
+        """A normal reply, with what is measured on the true part, or on a good one if nothing is said about it."""
         if expects == "done" or not expects:
             return "done"
-        if self.truth is not None and (shown := self.truth.value(step, part)) is not None:
-            return VARIABLE.sub(lambda _: shown, expects)
-        chance = random.Random(f"{self.seed} {step} {self.times[str(step)]}")
-        nominal, scatter = self._usual(step)
-        return VARIABLE.sub(lambda _: str(round(nominal + chance.gauss(0, scatter))), expects)
-
-    def _usual(self, step: Function) -> tuple[float, float]:
-        """What a step measures on a good part: the middle and the standard deviation, a tenth of what its limits allow."""
-        asked = self._measuring.expected(step)
-        if asked is None or asked.nominal is None:
-            return 0.0, SCATTER
-        widths = [each - asked.nominal for each in (asked.lower, asked.upper) if each is not None]
-        return asked.nominal, min([SCATTER, *(abs(each) / 5 for each in widths)])
+        shown = self.truth.value(step, part) if self.truth is not None else None
+        shown = shown or self._good.value(step, self.times[str(step)])
+        return VARIABLE.sub(shown, expects)
 
     def missing(self, looked_at: Sequence[str]) -> str:
         """The first of some facts that is not so; empty if all are.
