@@ -146,12 +146,19 @@ def _sequence(
     form: TourForm,
 ) -> Answer:
     from engine.faces.cli.interruption import Interruption
+    from engine.pipelines.inspection.arms import is_shared
     from engine.stages.sequencing import METHODS, Limits
     from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
     if method not in METHODS:
         hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
         raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
+    if not is_tsplib(target) and is_shared(problem := _problem_of(target)):
+        from engine.faces.cli.shared_sequence import shared_by_arms
+
+        given = {"--closed": ends[0], "--start": ends[1], "--end": ends[2], "--method": method != "auto"}
+        refuse_idle({**given, "--format svg": form is TourForm.SVG}, "where several arms share measurements")
+        return shared_by_arms(problem, wanted, effort)
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted, tell=interrupted.tell_cost)
         found, answer = _solve(target, method, ends, wanted, limits)
@@ -213,10 +220,9 @@ def _read(target: str, wanted: tuple[list[str], list[str], list[str]]) -> Visits
     from engine.pipelines.inspection import partition, tour_problem
     from engine.pipelines.inspection.demands import known, of_options, with_demands
     from engine.pipelines.points import with_places
-    from kb.files import is_file
 
     demands = of_options(*wanted)
-    if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
+    if is_tsplib(target):
         found = Visits(with_demands(read_tsplib(Path(target)), demands))
     else:
         problem = with_places(_problem_of(target))
@@ -224,6 +230,13 @@ def _read(target: str, wanted: tuple[list[str], list[str], list[str]]) -> Visits
         found = Visits(tour_problem(problem, parts, demands), parts, problem)
     known(demands, {visit.name for visit in found.tours.visits})
     return found
+
+
+def is_tsplib(target: str) -> bool:
+    """Whether a target is a TSPLIB file."""
+    from kb.files import is_file
+
+    return is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml")
 
 
 def _problem_of(target: str) -> "Problem":

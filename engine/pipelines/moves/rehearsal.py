@@ -33,9 +33,7 @@ class Seen:
 
     def and_also(self, other: "Seen") -> "Seen":
         """Both together."""
-        return Seen(
-            self.moments + other.moments, self.looks + other.looks, min(self.least_m, other.least_m)
-        )
+        return Seen(self.moments + other.moments, self.looks + other.looks, min(self.least_m, other.least_m))
 
 
 NOTHING = Seen(0, 0, 1.0)

@@ -135,6 +135,7 @@ def test_an_arm_that_holds_on_stays_where_it_holds() -> None:
     holder = [leg.kind for leg in step.legs if leg.arm == "left"]
     assert LegKind.OUT not in holder
 
+
 def test_stretches_decided_by_one_look_say_what_a_look_at_each_moment_says() -> None:
     for name in ("crossing", "scanned"):
         made, drawn = moving(name), random.Random(5)
