@@ -109,7 +109,8 @@ class _Asked:
         if arm not in self.starts or tours.unit != STRAIGHT:
             return tours
         x, y, z = (each * 1e-6 for each in self.starts[arm])
-        begin = Visit(f"{BEGIN}{arm}", (x, y, z))
+        first = min((visit.phase for visit in tours.visits), default=0)
+        begin = Visit(f"{BEGIN}{arm}", (x, y, z), phase=first)
         made = straight(tours.name, (begin, *tours.visits), tours.changes, 0)
         pairs = tuple((a + 1, b + 1) for a, b in tours.precedence)
         return replace(made, precedence=pairs, shifts=tours.shifts)
