@@ -1,6 +1,6 @@
 """The places that steps need: those of the cell, and those of measurements whose position and normal a problem gives."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from kb.model.cell import Cell, Measuring, Place, Placement
 from kb.model.conventions import Conventions
 from kb.model.motion import Motion
 from kb.model.problem import Problem
-from kb.terms import Atom, Number
+from kb.terms import Number
 
 MICRO = 1e-6
 
@@ -32,17 +32,12 @@ def measured_cell(semantics: Semantics, cell: Cell) -> Cell:
     choices = dict[str, list[str]]()
     for each in sorted(chosen, key=str):
         choices.setdefault(str(each.arguments[1]), []).append(str(each.arguments[0]))
-    return with_places_of_arms(cell, problem, choices, owners_of(problem, statics.named))
-
-
-def owners_of(problem: Problem, named: Callable[[str], Iterable[Atom]]) -> dict[str, frozenset[str]]:
-    """The arms that each tool is for, as facts say."""
-    found = dict[str, frozenset[str]]()
-    for each in named(problem.domain.conventions.equips):
+    owners = dict[str, frozenset[str]]()
+    for each in statics.named(problem.domain.conventions.equips):
         if len(each.arguments) == 2:
             tool, arm = map(str, each.arguments)
-            found[tool] = found.get(tool, frozenset()) | {arm}
-    return found
+            owners[tool] = owners.get(tool, frozenset()) | {arm}
+    return with_places_of_arms(cell, problem, choices, owners)
 
 
 def with_places_of_arms(

@@ -58,6 +58,10 @@ def summary(found: Shared) -> str:
     gap = (
         "proved to be the least" if most <= bound else f"no way to share them takes less than {bound} {unit}"
     )
-    common = f"{shares.common} of them within reach of more than one" if shares.common else "each within reach of one"
+    common = (
+        f"{shares.common} of them within reach of more than one"
+        if shares.common
+        else "each within reach of one"
+    )
     waiting = ", without waiting for each other" if found.waits else ""
     return f"{len(shares.orders)} arms share {count}, {common}: {most} {unit} by the times of the tours{waiting}, {gap}"

@@ -49,17 +49,10 @@ def is_shared(problem: Problem) -> bool:
 
 def offers(problem: Problem, parts: Partition) -> Offers:
     """What the arms of a cell can make of the measurements that some tool takes. Raises `InvalidInput` for a bad cell."""
-    words, facts = problem.domain.conventions, evaluated(problem)
     names = [name for own in parts.groups.values() for name in own]
-    tools = dict[str, list[str]]()
-    for tool, name in sorted(facts.atoms(words.chosen, 2), key=str):
-        tools.setdefault(str(name), []).append(str(tool))
+    tools, owners = choices_of(problem), owners_of(problem)
     reached, why = _reach(problem, names, tools)
-    wanted = _wanted_arms(problem, names)
-    owners = dict[str, set[str]]()
-    for tool, arm in facts.atoms(words.equips, 2):
-        owners.setdefault(str(tool), set()).add(str(arm))
-    arms = arms_of(problem)
+    wanted, arms = _wanted_arms(problem, names), arms_of(problem)
     ways = []
     for holds in _holders(arms, sorted({tool for own in tools.values() for tool in own}), owners):
         able: dict[str, dict[str, str]] = {arm: {} for arm in arms}
@@ -77,13 +70,29 @@ def offers(problem: Problem, parts: Partition) -> Offers:
     return Offers(best, out)
 
 
+def choices_of(problem: Problem) -> dict[str, list[str]]:
+    """The tools that the rules choose for each measurement."""
+    found = dict[str, list[str]]()
+    for tool, name in sorted(evaluated(problem).atoms(problem.domain.conventions.chosen, 2), key=str):
+        found.setdefault(str(name), []).append(str(tool))
+    return found
+
+
+def owners_of(problem: Problem) -> dict[str, frozenset[str]]:
+    """The arms that each tool is for, as facts say."""
+    found = dict[str, frozenset[str]]()
+    for tool, arm in evaluated(problem).atoms(problem.domain.conventions.equips, 2):
+        found[str(tool)] = found.get(str(tool), frozenset()) | {str(arm)}
+    return found
+
+
 def _unserved(reached: frozenset[str], arms: tuple[str, ...]) -> str:
     able = [arm for arm in arms if arm in reached]
     return f"only {' and '.join(able)} would reach it, without a tool for it" if able else "no arm reaches it"
 
 
 def _holders(
-    arms: tuple[str, ...], tools: list[str], owners: Mapping[str, set[str]]
+    arms: tuple[str, ...], tools: list[str], owners: Mapping[str, frozenset[str]]
 ) -> Iterator[Mapping[str, str]]:
     """The arm that holds each tool, in every way; of too many ways, the first."""
     choices = [sorted(owners.get(tool, arms)) for tool in tools]
@@ -119,13 +128,13 @@ def _reach(
         return {name: found.get(name, frozenset(arms)) for name in names}, {}
     from engine.pipelines.inspection.reach import reached_by  # geometry is slow to load
 
-    answers = reached_by(problem, cell, open_, tools)
+    answers = reached_by(problem, cell, open_, tools, owners_of(problem))
     why = dict[str, str]()
-    for name in open_:
-        own = answers.get(name, dict.fromkeys(arms, ""))
-        found[name] = frozenset(arm for arm, reason in own.items() if not reason)
-        if not found[name]:
-            why[name] = "; ".join(f"{arm}: {reason}" for arm, reason in own.items())
+    for each in open_:
+        own = answers.get(each, dict.fromkeys(arms, ""))
+        found[each] = frozenset(arm for arm, reason in own.items() if not reason)
+        if not found[each]:
+            why[each] = "; ".join(f"{arm}: {reason}" for arm, reason in own.items())
     return found, why
 
 

@@ -2,28 +2,26 @@
 
 from collections.abc import Mapping, Sequence
 
-from engine.pipelines.places import of_arm, owners_of, with_places_of_arms
+from engine.pipelines.places import of_arm, with_places_of_arms
 from engine.plugins import geometry_backend
 from engine.stages.geometry.reach.reach import Reachability, Unreached
 from engine.stages.geometry.world.model import World
-from kb.asp.statics import evaluated
 from kb.model.cell import Cell, Place
 from kb.model.problem import Problem
-from kb.terms import Function
 
 NO_PLACE = "the cell has no place for it there"
 
 
 def reached_by(
-    problem: Problem, cell: Cell, names: Sequence[str], tools: Mapping[str, Sequence[str]]
+    problem: Problem,
+    cell: Cell,
+    names: Sequence[str],
+    tools: Mapping[str, Sequence[str]],
+    owners: Mapping[str, frozenset[str]],
 ) -> dict[str, dict[str, str]]:
     """For each arm why it does not reach a measurement, empty if it does; nothing of measurements without any place."""
-    words, facts = problem.domain.conventions, evaluated(problem)
-
-    def named(name: str) -> list[Function]:
-        return [Function(name, each) for each in facts.atoms(name, 2)]
-
-    whole = with_places_of_arms(cell, problem, tools, owners_of(problem, named))
+    words = problem.domain.conventions
+    whole = with_places_of_arms(cell, problem, tools, owners)
     places = {name: {arm: _place(whole, words.place(name), arm) for arm in cell.arms} for name in names}
     found = dict[str, dict[str, str]]()
     for arm in cell.arms:

@@ -52,14 +52,13 @@ def joined(
         own = StepId(number)
         known = world.ground_step(step.operator)
         if known is None:
-            needed = _supports(world, step.operator, facts)
+            needed = list(_supports(world, step.operator, facts))
             change = world.change(step.operator, facts)
             adds, ends = change.adds, change.ends
         else:
-            needed = _conditions(known.alternatives, facts)
+            needed = list(_conditions(known.alternatives, facts))
             adds, ends = known.adds, known.ended(facts, world.statics)
-        needed = list(needed)
-        after = (StepId(number - 1),) if made else ()
+        after: tuple[StepId, ...] = (StepId(number - 1),) if made else ()
         after = needs.after(own, step, needed, (*adds, *ends)) if needs else after
         made.append(replace(step, id=own, after=after))
         links += [CausalLink(last.get(each, START), each, own) for each in needed]

@@ -207,8 +207,8 @@ class _Asked:
                 unkept = tour.reason
         busy = dict(found.busy)
         for arm, names in orders.items():
-            own = self._from_start(arm, of_share(problems[arm], names))
-            busy[arm] = busy_with(own, tuple(range(len(own.visits))))
+            begun = self._from_start(arm, of_share(problems[arm], names))
+            busy[arm] = busy_with(begun, tuple(range(len(begun.visits))))
         return replace(found, orders=orders, busy=busy), unkept
 
 

@@ -13,16 +13,15 @@ from functools import cached_property
 import numpy as np
 
 from engine.kernels.arrays import Longs
-from engine.model.metric import Metric
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import SharedProblem, Shares, Tour, TourProblem, busy_with
 from engine.stages.sequencing.limits import Limits
 from engine.stages.sequencing.sequence import sequence
+from engine.stages.sequencing.shares import MUCH, Paths, Ways, part
 
 EXACT = 11  # visits of which all ways to share them are compared
 ROUNDS = 40  # times that tours are put in order again
 TRIED = 6  # changes that are tried in a round: those that look best
-MUCH = 1 << 50
 
 Orders = dict[
     str, tuple[int, ...]
@@ -138,23 +137,12 @@ class _Sharing:
         return np.where(can, ways.min(axis=0) + lasts, MUCH), at.astype(np.int64)
 
     def _ways(self, arm: str, a: Longs, b: Longs) -> Longs:
-        problem = self.tours[arm]
-        if isinstance(problem.travel, Metric):
-            found = problem.travel.between(a.astype(np.int32), b.astype(np.int32))
-        else:
-            found = problem.travel[a, b]
-        if problem.changes or problem.shifts:
-            kind, extra = self._kinds(arm)
-            found = found + extra[kind[a], kind[b]]
-        return np.asarray(found)
+        return self.costs[arm].between(a, b)
 
-    def _kinds(self, arm: str) -> tuple[Longs, Longs]:
-        if arm not in self._known_kinds:
-            kind, extra = self.tours[arm].kinds
-            self._known_kinds[arm] = kind.astype(np.int64), extra
-        return self._known_kinds[arm]
-
-    _known_kinds: dict[str, tuple[Longs, Longs]] = field(default_factory=dict)
+    @cached_property
+    def costs(self) -> Mapping[str, Ways]:
+        """The ways of each arm."""
+        return {arm: Ways(each) for arm, each in self.tours.items()}
 
     def _in_order(self, orders: Orders) -> Orders | Infeasible | GaveUp:
         """The same shares, each in the best order that is found."""
@@ -227,7 +215,9 @@ class _Sharing:
         """The best shares of few visits."""
         names = list(self.arms_of)
         full = (1 << len(names)) - 1
-        tables = {arm: _Paths(self, arm, names) for arm in self.tours}
+        tables = {
+            arm: Paths(self.costs[arm], [self.place[arm].get(n, -1) for n in names]) for arm in self.tours
+        }
         best = {0: (0, 0)}
         chosen: list[dict[int, int]] = []
         for table in tables.values():
@@ -298,60 +288,3 @@ class _Sharing:
             ways = np.minimum(self._ways(arm, here, others), self._ways(arm, others, here))
             found = np.where(can, np.minimum(found, ways), found)
         return found
-
-
-class _Paths:
-    """The least time that one arm takes for each set of visits; sets are bits."""
-
-    def __init__(self, sharing: _Sharing, arm: str, names: list[str]) -> None:
-        place, problem = sharing.place[arm], sharing.tours[arm]
-        self.own = [place.get(name, -1) for name in names]
-        self.start = -1 if problem.start is None else problem.start
-        self.can = sum(1 << n for n, own in enumerate(self.own) if own >= 0)
-        self.lasts = [problem.visits[own].duration if own >= 0 else 0 for own in self.own]
-        index = np.array([max(own, 0) for own in self.own], np.int64)
-        count = len(problem.visits)
-        self.arcs = (
-            sharing._ways(arm, index[:, None], index[None])
-            if count
-            else np.zeros((len(names),) * 2, np.int64)
-        )
-        self.ends: dict[tuple[int, int], tuple[int, int]] = {}
-        self.least: dict[int, int] = {0: 0}
-        for bits in range(1, 1 << len(names)):
-            if not bits & ~self.can:
-                self.least[bits] = min(self._ending(bits, n)[0] for n in _members(bits))
-
-    def _ending(self, bits: int, last: int) -> tuple[int, int]:
-        """The least time for a set whose last visit is given, and the visit before that."""
-        if (bits, last) not in self.ends:
-            rest, own = bits & ~(1 << last), self.lasts[last]
-            ways = ((self.ends[rest, n][0] + int(self.arcs[n, last]) + own, n) for n in _members(rest))
-            starts = self.start < 0 or (self.own[last] == self.start) == (not rest)
-            found = min(ways) if rest else (own, -1)
-            self.ends[bits, last] = found if starts or found[0] >= MUCH else (MUCH, found[1])
-        return self.ends[bits, last]
-
-    def order(self, bits: int) -> tuple[int, ...]:
-        """The visits of a set in the order that takes least time."""
-        found = list[int]()
-        last = min(_members(bits), key=lambda n: self.ends[bits, n][0], default=-1)
-        while bits:
-            found.append(self.own[last])
-            bits, last = bits & ~(1 << last), self.ends[bits, last][1]
-        return tuple(reversed(found))
-
-
-def _members(bits: int) -> list[int]:
-    return [n for n in range(bits.bit_length()) if bits >> n & 1]
-
-
-def part(problem: TourProblem, members: list[int]) -> TourProblem:
-    """The tour problem of some visits; pairs of which one is left out are left out."""
-    number = {old: new for new, old in enumerate(members)}
-    travel = problem.travel
-    less = travel.part(members) if isinstance(travel, Metric) else travel[np.ix_(members, members)]
-    pairs = tuple((number[a], number[b]) for a, b in problem.precedence if a in number and b in number)
-    visits = tuple(problem.visits[n] for n in members)
-    start = None if problem.start is None else number.get(problem.start)
-    return replace(problem, visits=visits, travel=less, precedence=pairs, start=start)

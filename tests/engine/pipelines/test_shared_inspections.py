@@ -81,9 +81,7 @@ def test_arms_keep_the_order_of_measurements_of_both() -> None:
     demands = Demands(before=(("m6", "m1"), ("m2", "m5")))
     problem = as_facts(six(), demands)
     found = shares(problem)
-    assert set(found.waits) == {
-        pair for pair in demands.before if found.arms[pair[0]] != found.arms[pair[1]]
-    }
+    assert set(found.waits) == {pair for pair in demands.before if found.arms[pair[0]] != found.arms[pair[1]]}
     run = plan(problem)
     at = begins(run, problem)
     assert all(at[first] < at[second] for first, second in demands.before)
