@@ -14,6 +14,7 @@ DOMAIN_FILE = "domain.yaml"
 CELL_FILE = "cell.yaml"
 CONTACTS_FILE = "contacts.yaml"
 DEVICE_FILE = "device.yaml"
+SCENE_FILE = "scene.yaml"
 DEVICES = "devices"  # the folder of devices: of those that come with the engine, and beside a domain
 BUNDLED = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
 
@@ -53,6 +54,19 @@ def find(target: str) -> Path:
     if target in candidates:
         return candidates[target]
     raise InvalidInput([_not_found(target, path, [*known, *candidates])])
+
+
+def find_scene(name: str) -> Path:
+    """The file of a scene, by path or bundled name such as `handey` or `handey/five`. Raises `InvalidInput`."""
+    bundled = {path.parent.name: path for path in sorted(BUNDLED.glob(f"*/{SCENE_FILE}"))}
+    more = sorted(path for path in BUNDLED.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
+    bundled |= {f"{path.parent.parent.name}/{path.stem}": path for path in more}
+    if is_file(Path(name)):
+        return Path(name)
+    if name in bundled:
+        return bundled[name]
+    hint = nearest(name, list(bundled)) or f"bundled: {', '.join(bundled)}"
+    raise InvalidInput([Diagnostic(Source(name), "K401", "no file and no bundled scene of this name", hint)])
 
 
 def _of_domain(folder: Path, name: str) -> dict[str, Path]:

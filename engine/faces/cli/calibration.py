@@ -7,7 +7,7 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.options import Format, Seed
-from engine.faces.cli.scene_files import SceneName, scene_file
+from engine.faces.cli.scene_files import SceneName
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Calibrate the range finder, or where it stands."
@@ -36,8 +36,9 @@ def _range(scene: str, readings: Path | None, seed: int) -> Answer:
     from engine.formats.report import calibration as report
     from engine.pipelines.placing import calibrating
     from kb.loader.scene import load_scene
+    from kb.targets import find_scene
 
-    read, hidden = load_scene(scene_file(scene)), None
+    read, hidden = load_scene(find_scene(scene)), None
     if readings is not None:
         images, distances = read_plates(readings, read)
     else:
@@ -73,8 +74,9 @@ def _camera(target: str, scene: str, readings: Path | None, number: int, seed: i
     from engine.pipelines.placing.looking import camera_pose
     from engine.stages.geometry.world.model import World
     from kb.loader.scene import load_scene
+    from kb.targets import find_scene
 
-    read, hidden = load_scene(scene_file(scene)), None
+    read, hidden = load_scene(find_scene(scene)), None
     if readings is not None:
         given = read_held(readings, read)
     else:

@@ -8,7 +8,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
 from engine.faces.cli.options import Format, Seed
-from engine.faces.cli.scene_files import Image, SceneName, scene_file
+from engine.faces.cli.scene_files import Image, SceneName
 
 if TYPE_CHECKING:
     from engine.formats.report.depth_picture import Hands
@@ -56,8 +56,9 @@ def _placed(
     from engine.pipelines.placing import looking, placing
     from engine.pipelines.placing.answers import Placed
     from kb.loader.scene import load_scene
+    from kb.targets import find_scene
 
-    read = load_scene(scene_file(scene))
+    read = load_scene(find_scene(scene))
     given, later = (read_depth(each, looking.camera_of(read)) if each else None for each in images)
     found, looked = placing.place(read, part, base, seed, given)
     before = ""

@@ -7,7 +7,8 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.options import Format
-from engine.faces.cli.run import Store, default_store
+from engine.faces.cli.run import Store
+from kb.store.own import default_store
 
 if TYPE_CHECKING:
     from engine.formats.interop.results import ResultForm

@@ -24,10 +24,11 @@ def resume(
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
 
     def make() -> Answer:
-        from engine.faces.cli.run import answer_of, default_store
+        from engine.faces.cli.run import answer_of
         from engine.faces.cli.supervision import Watching
         from engine.pipelines.execution import resume as go_on
         from engine.stages.planning import Limits
+        from kb.store.own import default_store
 
         where = store or default_store()
         with Watching(run, where, events, approve=False) as watch:

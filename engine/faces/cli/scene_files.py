@@ -1,11 +1,10 @@
-"""The scene that a command line means."""
+"""The options that name a scene and an image of it."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-SCENE_FILE = "scene.yaml"
 SceneName = Annotated[
     str,
     typer.Option("--scene", help="a scene file, or the name of a bundled one, such as handey or handey/five"),
@@ -17,20 +16,3 @@ Image = Annotated[
         help="the depth image: .npy, 16-bit .png in mm, .pcd or .ply; else it is made from the scene",
     ),
 ]
-
-
-def scene_file(scene: str) -> Path:
-    """The file that is meant. Raises `InvalidInput`."""
-    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-    from kb.files import is_file
-    from kb.targets import BUNDLED
-
-    bundled = {path.parent.name: path for path in sorted(BUNDLED.glob(f"*/{SCENE_FILE}"))}
-    more = sorted(path for path in BUNDLED.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
-    bundled |= {f"{path.parent.parent.name}/{path.stem}": path for path in more}
-    if is_file(Path(scene)):
-        return Path(scene)
-    if scene in bundled:
-        return bundled[scene]
-    hint = nearest(scene, list(bundled)) or f"bundled: {', '.join(bundled)}"
-    raise InvalidInput([Diagnostic(Source(scene), "K401", "no file and no bundled scene of this name", hint)])
