@@ -144,7 +144,7 @@ def _sequence(
 ) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.formats.interop.visits import is_tsplib
-    from engine.pipelines.inspection.arms import is_shared
+    from engine.model.measurements import is_shared
     from engine.pipelines.planning import problem_of
     from engine.stages.sequencing import METHODS, Limits
     from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest

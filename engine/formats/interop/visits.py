@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from engine.formats.interop.tsplib import read_tsplib
+from engine.model.measurements import is_shared
 from engine.pipelines.inspection import partition, tour_problem
-from engine.pipelines.inspection.arms import is_shared
 from engine.pipelines.inspection.demands import known, of_options, with_demands
 from engine.pipelines.inspection.visits import Visits
 from engine.pipelines.planning import problem_of

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from engine.model.measurements import chooses_tools, named
+from engine.model.measurements import arms_of, named
 from engine.pipelines.inspection import Partition
 from kb.asp.statics import evaluated
 from kb.loader.cell import load_cell
@@ -30,21 +30,6 @@ class Offers:
 
     ways: tuple[Able, ...]
     impossible: Mapping[str, str]
-
-
-def arms_of(problem: Problem) -> tuple[str, ...]:
-    """The arms that can be the second argument of `measured`; none if it has no such argument."""
-    domain = problem.domain
-    declared = domain.predicates.get(domain.conventions.measured)
-    if declared is None or len(declared.arguments) < 3:
-        return ()
-    objects = {**domain.objects, **problem.objects}
-    return tuple(name for name, own in objects.items() if domain.is_subtype(own, declared.arguments[1]))
-
-
-def is_shared(problem: Problem) -> bool:
-    """Whether several arms can make the measurements of a problem, whose rules choose the tools."""
-    return chooses_tools(problem.domain) and len(arms_of(problem)) > 1
 
 
 def offers(problem: Problem, parts: Partition) -> Offers:

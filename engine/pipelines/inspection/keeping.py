@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from engine.pipelines.inspection.arms import is_shared
+from engine.model.measurements import is_shared
 from engine.pipelines.inspection.progress import News, Progress, carried_on, resources
 from engine.pipelines.points import with_places
 from engine.stages.sequencing import Limits

@@ -8,11 +8,10 @@ the whole problem.
 import time
 from dataclasses import dataclass
 
-from engine.model.measurements import chooses_tools
+from engine.model.measurements import chooses_tools, is_shared
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.inspection import partition
-from engine.pipelines.inspection.arms import is_shared
 from engine.pipelines.inspection.demands import Demands
 from engine.pipelines.parts.chain import Chain, Part
 from engine.pipelines.parts.itinerary import Itinerary, itinerary

@@ -4,11 +4,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
 
-from engine.model.measurements import chooses_tools, named
+from engine.model.measurements import chooses_tools, is_shared, named
 from engine.model.measurements import wanted as wanted_of
 from engine.model.tour import Tour, TourProblem, cost_of
 from engine.pipelines.inspection import Partition, partition, tour_problem
-from engine.pipelines.inspection.arms import is_shared
 from engine.pipelines.inspection.demands import Demands, without_windows
 from engine.pipelines.parts.chain import Chain, Part
 from engine.pipelines.parts.sharing import Shared, shared
@@ -103,7 +102,7 @@ class Itinerary:
 def itinerary(
     problem: Problem, line: Callable[[], Chain], limits: Limits = Limits(), store: str = ""
 ) -> Itinerary | None:
-    """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order.
+    """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order, by one arm.
 
     The sequence that is kept in `store` is used, and one is kept there if there is none; what several arms share is not kept. A workflow
     that only says which measurement comes before which is kept. `line` begins plans. Raises `InvalidInput`.
@@ -112,12 +111,13 @@ def itinerary(
         return None
     wanted = wanted_of(problem)
     before = order_of(problem, wanted) if problem.chains else ()
-    if len(wanted) < 2 or before is None:
+    least = 1 if is_shared(problem) else 2
+    if len(wanted) < least or before is None:
         return None
     placed = with_places(problem)
     every = partition(placed)
     parts = _only(every, wanted)
-    if sum(map(len, parts.groups.values())) < 2:
+    if sum(map(len, parts.groups.values())) < least:
         return None
     if is_shared(placed):
         found = _shared(placed, parts, limits, Demands(before=before), line())

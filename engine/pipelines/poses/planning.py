@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from engine.model.measurements import chooses_tools
-from engine.pipelines.inspection.arms import is_shared
+from engine.model.measurements import chooses_tools, is_shared
 from engine.pipelines.moves.planning import Moving, plan_moving
 from engine.pipelines.objective import Run
 from engine.pipelines.poses import Knowledge, known_poses, with_stations

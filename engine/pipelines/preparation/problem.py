@@ -4,9 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from engine.kernels.cancellation import Interrupted
-from engine.model.measurements import chooses_tools
+from engine.model.measurements import chooses_tools, is_shared
 from engine.model.outcome import Found, GaveUp
-from engine.pipelines.inspection.arms import is_shared
 from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.objective import sequenced
 from engine.pipelines.planning import LARGE, loaded

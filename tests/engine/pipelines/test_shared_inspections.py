@@ -129,3 +129,11 @@ def test_what_no_arm_reaches_is_told_with_the_reason() -> None:
     assert "m6" not in found.arms
     assert "west: " in found.partition.impossible["m6"]
     assert "east: " in found.partition.impossible["m6"]
+
+
+def test_one_measurement_is_made_by_an_arm_that_reaches_it() -> None:
+    asked = problem_of("halves/six", "measured(_, _, meas(m6))", "")
+    for arm in ("west", "east"):
+        run = plan(replace(asked, statics=(*asked.statics, within(arm, "m6"))))
+        assert isinstance(run.outcome, Found)
+        assert {str(step.resources[-1]) for step in run.outcome.plan.steps} == {arm}
