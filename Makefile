@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow laws long check golden bench faults fuzz mutation wheel clean
+.PHONY: demo test slow laws long check golden bench faults fuzz mutation site wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -88,6 +88,15 @@ mutation: $(VENV)/ready
 	test -x $(PEERS)/bin/python || $(PYTHON) -m venv $(PEERS)
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check cosmic-ray
 	$(BIN)/python benchmarks/mutation.py --mutators $(PEERS)/bin/python
+
+# All pages as a site in build/site, which fetches nothing from anywhere; open build/site/index.html.
+$(VENV)/site: $(VENV)/ready
+	$(BIN)/python -c "import furo, myst_parser, sphinx" 2>/dev/null || \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt sphinx myst-parser furo
+	touch $@
+
+site: $(VENV)/site
+	$(BIN)/python -m sphinx -q -W --keep-going -b html -c docs/site docs build/site
 
 # A wheel for this platform and for PYTHON, in dist/. On Linux Zig compiles it, and it fits every system that NumPy fits.
 WHEELS := .wheels

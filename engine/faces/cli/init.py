@@ -15,7 +15,9 @@ def init(
     with_: Annotated[
         str | None,
         typer.Option(
-            "--with", metavar="DEVICES", help="put it together from devices: furnace,drawer,balance"
+            "--with",
+            metavar="DEVICES",
+            help="put it together from devices: furnace,drawer,balance; hotel=rack gives one a name",
         ),
     ] = None,
     format: Format = Form.TEXT,

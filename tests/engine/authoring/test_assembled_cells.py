@@ -16,6 +16,7 @@ from kb.loader.uses import all_devices
 DEVICES = [
     "balance",
     "barcode_reader",
+    "camera",
     "capper",
     "centrifuge",
     "conveyor",
@@ -23,8 +24,10 @@ DEVICES = [
     "drawer",
     "freezer",
     "furnace",
+    "heater_shaker",
     "laser_tool",
     "person",
+    "plate_hotel",
     "rack",
     "tool_rack",
     "ultrasonic_tool",
@@ -90,3 +93,17 @@ def test_an_unknown_device_is_refused_and_nothing_is_written(tmp_path: Path) -> 
 def test_no_devices_are_a_misuse(tmp_path: Path, devices: str) -> None:
     result = CliRunner().invoke(app, ["init", str(tmp_path / "cell"), "--with", devices])
     assert (result.exit_code, list(tmp_path.iterdir())) == (2, [])
+
+
+def test_a_device_can_be_given_a_name(tmp_path: Path) -> None:
+    create_with(tmp_path / "cell", ["hotel=plate_hotel", "dispenser"])
+    domain = (tmp_path / "cell" / "domain.yaml").read_text("utf-8")
+    assert "  hotel: {device: plate_hotel}\n" in domain
+    assert "rack" not in domain  # the hotel is the place for the plates
+    assert answer("run", tmp_path / "cell" / "problems" / "first.yaml")[0] == 0
+
+
+@pytest.mark.parametrize("name", ["A", "2nd", "", "bin", "not so"])
+def test_a_name_that_cannot_be_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidInput, match="cannot be the name"):
+        create_with(tmp_path / "cell", ["bin=rack", f"{name}=rack"])
