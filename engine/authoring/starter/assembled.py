@@ -127,7 +127,7 @@ def _problem(name: str, uses: Sequence[Use]) -> str:
         [
             f"# yaml-language-server: $schema=../schema/problem.schema.json\nproblem: first\ndomain: {name}",
             *_section("objects", [f"  {each}" for each in objects]),
-            *_section("statics", _items([*homes, *_said(examples, "static")])),
+            *_section("statics", _items(dict.fromkeys([*homes, *_said(examples, "static")]))),
             *_section(
                 "initial",
                 _items(each.replace("(P,", f"({PROBES[0]},") for each in _said(examples, "initial")),
@@ -142,7 +142,7 @@ def _problem(name: str, uses: Sequence[Use]) -> str:
 def _further(said: Iterable[str]) -> list[str]:
     """Objects that examples need, `TYPE: NAME`, by type."""
     found: dict[str, list[str]] = {}
-    for each in said:
+    for each in dict.fromkeys(said):
         kind, _, name = each.partition(": ")
         found.setdefault(kind, []).append(name)
     return [f"{kind}: [{', '.join(names)}]" for kind, names in found.items()]

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.options import Expansions, Format, Seed
 from engine.faces.cli.run import Events, Store
@@ -11,7 +12,12 @@ from engine.faces.cli.run import Events, Store
 
 def resume(
     run: Annotated[
-        str, typer.Argument(metavar="RUN", help="the name of the run, as `cellwright run` printed it")
+        str,
+        typer.Argument(
+            metavar="RUN",
+            help="the name of the run, as `cellwright run` printed it",
+            autocompletion=completion.runs,
+        ),
     ],
     store: Store = "",
     events: Events = "",

@@ -5,9 +5,15 @@ from typing import Annotated
 
 import typer
 
+from engine.faces.cli import completion
+
 SceneName = Annotated[
     str,
-    typer.Option("--scene", help="a scene file, or the name of a bundled one, such as handey or handey/five"),
+    typer.Option(
+        "--scene",
+        help="a scene file, or the name of a bundled one, such as handey or handey/five",
+        autocompletion=completion.scenes,
+    ),
 ]
 Image = Annotated[
     Path | None,

@@ -9,8 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from engine.authoring.starter import create_with
+from engine.authoring.starter.assembled import texts
 from engine.faces.cli import app
 from kb.diagnostics import InvalidInput
+from kb.loader import load
+from kb.loader.faults import load_faults
 from kb.loader.uses import all_devices
 
 DEVICES = [
@@ -107,3 +110,13 @@ def test_a_device_can_be_given_a_name(tmp_path: Path) -> None:
 def test_a_name_that_cannot_be_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InvalidInput, match="cannot be the name"):
         create_with(tmp_path / "cell", ["bin=rack", f"{name}=rack"])
+
+
+def test_all_devices_in_one_cell_contradict_each_other_nowhere(tmp_path: Path) -> None:
+    written, _ = texts(tmp_path, "cell", DEVICES)
+    for name, text in written.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, "utf-8")
+    assert load(tmp_path / "domain.yaml").domain.operators
+    model, _ = load_faults(tmp_path / "domain.yaml")
+    assert len(model.causes) > 50
