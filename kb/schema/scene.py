@@ -68,6 +68,12 @@ class SceneFile(Strict):
         default_factory=lambda: PlacedEntry.model_validate({}),
         description="a free place on a table, z upwards, where parts are taken anew",
     )
+    target: str | None = Field(
+        None, description="the part that is held before the camera when this is calibrated; it looks the same from no two sides"
+    )
+    calibration: str | None = Field(
+        None, description="a file beside this one with what was found of the camera; it counts instead of `camera`"
+    )
     inset: Quantity = Field("15 mm", description="how far inside an edge the jaws take a part")
     density: Quantity = Field("1000", description="of the parts, in kg per cubic metre")
     tolerance: Quantity | None = Field(

@@ -8,6 +8,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.numbers import NumberError, decimal
 
 if TYPE_CHECKING:
+    from engine.pipelines.placing.optics import Errors
     from engine.pipelines.workshop.running import Shift
     from kb.model.scene import Scene
 
@@ -20,6 +21,14 @@ def shifts_of(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) ->
         hint = "leave out --execute, or give the hand `fingers: 2`"
         raise InvalidInput([Diagnostic(Source("--execute"), "K005", message, hint)])
     return list(_shifts(scene, shifted, removed))
+
+
+def knock_of(text: str) -> "Errors":
+    """By how much the camera was knocked: X,Y,Z,A,B,C in mm and degrees, along and about its own axes. Raises `InvalidInput`."""
+    from engine.pipelines.placing.camera_cell import errors_of
+    from engine.pipelines.placing.optics import Errors
+
+    return errors_of({"moved": text}, 0) if text else Errors()
 
 
 def needs_mujoco(option: str) -> None:

@@ -12,6 +12,7 @@ from engine.kernels.rigid import difference
 from engine.model.geometry import Floats
 from engine.model.vision import Located, Sighting
 from engine.pipelines.placing.answers import Carry
+from engine.pipelines.placing.camera_cell import camera_answer
 from engine.pipelines.placing.doubt import brought, within_m
 from engine.pipelines.placing.looking import Looked
 from engine.pipelines.placing.ordering import Key, Ordered, key_of, move_of
@@ -55,6 +56,8 @@ class PlacingCell:
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:  # noqa: ARG002 - it moves bodies, not parts
         """Carry out a step: its reply."""
         step = _instance(text)
+        if (said := self.eyes.seeing.carry_out(step.name)) is not None:
+            return self._see_all() if step.name == "take_depth_map" else said
         move = move_of(step)
         self.about = move.part
         carries = self._planned(move)
@@ -103,11 +106,11 @@ class PlacingCell:
             "look_from_the_hand": self._look_near,
             "look_at_the_goal": self._look_at_goal,
             "close_on_nothing": self._close,
-            "find_and_plan_anew": lambda: self._found(self.eyes.look(self.yard, self.spots, self.about)),
+            "find_and_plan_anew": self._find,
             "correct_the_pose": lambda: self._found(self.eyes.look_near(self.yard, self.spots, self.about)),
         }
-        if action in acts:
-            return acts[action]()
+        if (said := camera_answer(self.eyes.seeing, action)) or action in acts:
+            return said or acts[action]()
         if action in self.model.tests:
             return self.model.tests[action].otherwise
         if action == "go_on_without":
@@ -125,8 +128,10 @@ class PlacingCell:
         sighting, before = looked.sightings[self.about], self.seen[self.about]
         if not isinstance(sighting, Located):
             return "nothing"
+        if self._has_moved(looked):
+            return "elsewhere"
         surer = isinstance(before, Located) and np.trace(sighting.covariance) < np.trace(before.covariance)
-        return "corrected" if surer or self._has_moved(looked) else "as_before"
+        return "corrected" if surer else "as_before"
 
     def _look_at_goal(self) -> str:
         return "occupied" if self.eyes.goal_is_taken(self.yard, self.spots, self.about) else "free"
@@ -145,18 +150,38 @@ class PlacingCell:
 
     def _found(self, looked: Looked) -> str:
         """Believe what was seen of the part from now on; whether it was found."""
-        part, sighting = self.about, looked.sightings[self.about]
-        if not isinstance(sighting, Located):
+        if not isinstance(looked.sightings[self.about], Located):
             return NOT_CURED
-        old = self.yard.site
-        T = likeliest(sighting, looked.T_world_camera, self.yard.goals[part])
-        world = old.world.put(part, "world", T)
-        site = Site(old.scene, world, self.eyes.wide(looked, old.looked), {**old.found, part: T})
-        asides = {name: at for name, at in self.yard.asides.items() if name != part}
-        self.yard = replace(self.yard, site=site, asides=asides)
-        self.seen[part], self.spots[part] = sighting, Spot.FOUND
-        self.known.clear()
+        self._believe(looked)
+        self.spots[self.about] = Spot.FOUND
         return CURED
+
+    def _find(self) -> str:
+        """Look for the part anew; where it is seen where it was believed, nothing has been put right."""
+        looked = self.eyes.look(self.yard, self.spots, self.about)
+        if isinstance(looked.sightings[self.about], Located) and not self._has_moved(looked):
+            return NOT_CURED
+        return self._found(looked)
+
+    def _see_all(self) -> str:
+        """An image is taken, and all parts that have not been moved yet are believed where it shows them."""
+        parts = [name for name, spot in self.spots.items() if spot is Spot.FOUND]
+        looked = self.eyes.look(self.yard, self.spots, *parts)
+        self._believe(looked)
+        return f"map({self.eyes.seeing.looks}, {round(1000 * float((looked.image.depth > 0).mean()))})"
+
+    def _believe(self, looked: Looked) -> None:
+        """Believe what was seen of parts; those that are not found are believed where they were."""
+        old, found, world = self.yard.site, dict(self.yard.site.found), self.yard.site.world
+        for part, sighting in looked.sightings.items():
+            if isinstance(sighting, Located):
+                T = found[part] = likeliest(sighting, looked.T_world_camera, self.yard.goals[part])
+                world = world.put(part, "world", T)
+                self.seen[part] = sighting
+        site = Site(self.eyes.seeing.scene, world, self.eyes.wide(looked, old.looked), found)
+        asides = {name: at for name, at in self.yard.asides.items() if name not in looked.sightings}
+        self.yard = replace(self.yard, site=site, asides=asides)
+        self.known.clear()
 
 
 def _instance(text: str) -> Function:

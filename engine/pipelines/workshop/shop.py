@@ -9,11 +9,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats
 from engine.model.grasping import ParallelJaws
 from engine.model.moves import Leg, LegKind
 from engine.pipelines.moves.hands import corners_s
 from engine.pipelines.placing.holding import HAND, jaws_of
+from engine.pipelines.witness.model import quaternion
 from engine.pipelines.witness.stage import Stage
 from engine.pipelines.witness.touches import body_of
 from engine.stages.geometry import transforms
@@ -98,6 +100,17 @@ class Workshop:
         """The jaws close until they meet something, or each other; how far apart they are then (m)."""
         self._jaws_to(self.jaws.opening_m / 2 + self.jaws.clearance_m)
         return self.width_m
+
+    def clamp(self, part: str, on: bool) -> None:
+        """Whether a part is clamped to the hand as it is now, as a target is for a calibration."""
+        model, data = self.stage.model, self.stage.data
+        number = int(model.equality(f"stuck/{part}").id)
+        T = inverse(self.pose(part)) @ self.pose(HAND)
+        model.eq_obj2id[number] = model.body(HAND).id if on else 0
+        model.eq_data[number, 3:6], model.eq_data[number, 6:10] = T[:3, 3], quaternion(T[:3, :3])
+        model.eq_solref[number], model.eq_solimp[number, :2] = (0.008, 1.0), (0.99, 0.999)
+        data.eq_active[number] = int(on)
+        model.body_gravcomp[model.body(part).id] = float(on)  # the controller is told the load
 
     def _jaws_to(self, way_m: float) -> None:
         for name in (LEFT, RIGHT):
