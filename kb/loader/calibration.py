@@ -54,7 +54,9 @@ def _turned(T: tuple[Numbers, ...]) -> bool:
     """Whether the axes of a pose stand on each other, and turn to the right."""
     rows = [row[:3] for row in T[:3]]
     products = [
-        abs(sum(x * y for x, y in zip(rows[a], rows[b], strict=True)) - (a == b)) for a in range(3) for b in range(3)
+        abs(sum(x * y for x, y in zip(rows[a], rows[b], strict=True)) - (a == b))
+        for a in range(3)
+        for b in range(3)
     ]
     (a, b, c), (d, e, f), (g, h, i) = rows
     return max(products) < UNIT and a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0

@@ -148,10 +148,11 @@ class _SceneReader:
         }
         friction = {key: self.read.number(value, FACTOR) for key, value in _given(node, "friction")}
         fingers = {key: int(value.value) for key, value in _given(node, "fingers")}
+        exact = {f"{key}_m": self.read.number(value, LENGTH) for key, value in _given(node, "accuracy")}
         force = [self.read.number(value, FACTOR) for _, value in _given(node, "force")]
         return _with(
             HandEntry(arm.value),
-            {**lengths, **sizes, **friction, **fingers, **({"force_n": force[0]} if force else {})},
+            {**lengths, **exact, **sizes, **friction, **fingers, **({"force_n": force[0]} if force else {})},
         )
 
 

@@ -65,7 +65,7 @@ class CameraFound:
 @dataclass(frozen=True, slots=True)
 class HandEntry:
     """Parallel jaws at the tool point of an arm, or a hand with three fingers: z of its frame points to the part, x is the way in
-    which they close.
+    which they close. `accuracy_m` is the standard deviation, along each axis, of where the arm brings what the hand holds.
     """
 
     arm: str
@@ -78,6 +78,7 @@ class HandEntry:
     friction: float = 0.4
     force_n: float = 40.0
     fingers: int = 2
+    accuracy_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,7 +46,7 @@ def _shifts(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "
     for text in shifted:
         part, _, numbers = text.partition("=")
         x, y, turn = _three(numbers, text)
-        yield Shift(_part(scene, part, "--shift"), (x / 1000, y / 1000), radians(turn))
+        yield Shift(_part(scene, part, "--shift", fixed=True), (x / 1000, y / 1000), radians(turn))
     for part in removed:
         yield Shift(_part(scene, part, "--remove"), away=True)
 
@@ -64,10 +64,13 @@ def _three(numbers: str, text: str) -> tuple[float, float, float]:
     return found[0], found[1], found[2]
 
 
-def _part(scene: "Scene", name: str, option: str) -> str:
+def _part(scene: "Scene", name: str, option: str, fixed: bool = False) -> str:
     from kb.model.cell import BodyKind
 
-    parts = [each for each, body in scene.cell.bodies.items() if body.kind is BodyKind.PART]
+    kinds = (BodyKind.PART, BodyKind.FIXTURE) if fixed else (BodyKind.PART,)
+    parts = [each for each, body in scene.cell.bodies.items() if body.kind in kinds]
     if name not in parts:
-        raise InvalidInput([unknown_name("part", name, parts, Source(option))])
+        raise InvalidInput(
+            [unknown_name("part or fixture" if fixed else "part", name, parts, Source(option))]
+        )
     return name

@@ -14,8 +14,8 @@ from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_fi
 
 if TYPE_CHECKING:
     from engine.pipelines.placing.assembling import Built
-    from engine.pipelines.workshop.running import Shift
     from engine.pipelines.placing.optics import Errors
+    from engine.pipelines.workshop.running import Shift
     from kb.model.domain import Domain
     from kb.model.scene import Scene
 
@@ -42,7 +42,7 @@ def assemble(
         list[str] | None,
         typer.Option(
             "--shift",
-            help="with --execute: move a part after it was seen, PART=X,Y,TURN in mm and degrees; may be repeated",
+            help="with --execute: move a part or a fixture after it was seen, NAME=X,Y,TURN in mm and degrees; may be repeated",
         ),
     ] = None,
     remove: Annotated[
@@ -71,7 +71,11 @@ def assemble(
 
 
 def _assembled(
-    base: str, read: "Scene", image: Path | None, seed: int, done: tuple[tuple[list[str], list[str]], str] | None
+    base: str,
+    read: "Scene",
+    image: Path | None,
+    seed: int,
+    done: tuple[tuple[list[str], list[str]], str] | None,
 ) -> Answer:
     from rich.text import Text
 

@@ -48,7 +48,12 @@ def place(
 
 
 def _placed(
-    part: str, base: str, read: "Scene", images: tuple[Path | None, Path | None], seed: int, output: Path | None
+    part: str,
+    base: str,
+    read: "Scene",
+    images: tuple[Path | None, Path | None],
+    seed: int,
+    output: Path | None,
 ) -> Answer:
     from rich.text import Text
 

@@ -22,7 +22,9 @@ Image = Annotated[
 ]
 Calibration = Annotated[
     Path | None,
-    typer.Option("--calibration", help="a file with what calibrations have found of the camera (docs/placing.md)"),
+    typer.Option(
+        "--calibration", help="a file with what calibrations have found of the camera (docs/placing.md)"
+    ),
 ]
 
 

@@ -100,9 +100,7 @@ def made(scene: Scene, target: str, number: int, seed: int) -> tuple[Readings, O
 def taken(scene: Scene, target: str, joints: Sequence[Floats], optics: Optics, seed: int) -> Readings:
     """The images that a camera takes of a target that an arm holds exactly where its joints say."""
     held = held_target(scene, target, World.of(scene.cell))
-    depths = [
-        optics.image(held.moved(scene.hand.arm, q), 1000 * seed + n) for n, q in enumerate(joints, 1)
-    ]
+    depths = [optics.image(held.moved(scene.hand.arm, q), 1000 * seed + n) for n, q in enumerate(joints, 1)]
     return Readings(optics.image(World.of(scene.cell), 1000 * seed, {target}), tuple(joints), tuple(depths))
 
 

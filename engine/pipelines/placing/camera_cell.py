@@ -79,13 +79,17 @@ def camera_answer(seeing: Seeing, action: str) -> str:
 
 
 def seeing_of(
-    options: Mapping[str, str], seed: int, shows: Callable[[Scene], tuple[Shows, Callable[[], World]]] | None = None
+    options: Mapping[str, str],
+    seed: int,
+    shows: Callable[[Scene], tuple[Shows, Callable[[], World]]] | None = None,
 ) -> Seeing:
     """The camera that the options of a driver describe. Raises `InvalidInput`."""
     scene = load_scene(Path(options["scene"]))
     if not scene.target:
         message = f"the scene {scene.name} has no target that is held before its camera"
-        raise InvalidInput([Diagnostic(Source("--option scene"), "K005", message, "name a part: `target: gauge`")])
+        raise InvalidInput(
+            [Diagnostic(Source("--option scene"), "K005", message, "name a part: `target: gauge`")]
+        )
     how = (held_still, lambda: World.of(scene.cell)) if shows is None else shows(scene)
     keep, maps = (Path(options[key]) if key in options else None for key in ("calibration", "maps"))
     return Seeing(scene, Optics.of(scene, errors_of(options, seed)), how[1], how[0], seed, keep, maps)
@@ -119,6 +123,13 @@ def _numbers(options: Mapping[str, str], name: str, count: int) -> list[float]:
         said = f"'{options[name][:60]}' is not {count} numbers"
         hint = {"moved": "moved=5,0,-3,0,0.5,0 (mm, degrees)", "lens": "lens=0.4,1,-2 (percent, pixels)"}
         raise InvalidInput(
-            [Diagnostic(Source(f"--option {name}"), "K107", said, f"write {hint.get(name, 'depths=3,0.2 (mm, percent)')}")]
+            [
+                Diagnostic(
+                    Source(f"--option {name}"),
+                    "K107",
+                    said,
+                    f"write {hint.get(name, 'depths=3,0.2 (mm, percent)')}",
+                )
+            ]
         )
     return found

@@ -14,7 +14,15 @@ from engine.stages.geometry.world.model import World
 from engine.stages.vision.images import Sensor, disturbed, rendered
 from kb.model.scene import Scene
 
-DISTANCES = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)  # of plates: shares of the distance for which the camera is made
+DISTANCES = (
+    0.6,
+    0.7,
+    0.8,
+    0.9,
+    1.0,
+    1.1,
+    1.2,
+)  # of plates: shares of the distance for which the camera is made
 LEAN = 0.01  # how far a plate leans: the standard deviation for each axis
 
 
@@ -62,7 +70,9 @@ class Optics:
         """The depths (height, width) that it measures of the bodies of a world, without the arms."""
         T = inverse(self.T_world_camera)
         bodies = [body for name, body in world.cell.bodies.items() if name not in without and body.shapes]
-        exact = rendered([(solid_of(body), T @ world.pose("world", body.name)) for body in bodies], self.camera)[0]
+        exact = rendered(
+            [(solid_of(body), T @ world.pose("world", body.name)) for body in bodies], self.camera
+        )[0]
         return disturbed(replace(exact, depth=self._measured(exact.depth)), self.sensor, seed).depth
 
     def plates(self, distance_m: float, seed: int) -> tuple[list[Floats], list[float]]:

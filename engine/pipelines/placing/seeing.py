@@ -130,7 +130,8 @@ class Seeing:
                 hand = world.moved(self.scene.hand.arm, q).pose("world", f"{self.scene.hand.arm}.tool")
                 expected = inverse(camera_pose(self.scene, world)) @ hand @ inverse(holds.poses[HOLD])
                 metres, radians = min(
-                    (difference(expected, each) for each in sighting.equivalent), key=lambda pair: float(pair[0])
+                    (difference(expected, each) for each in sighting.equivalent),
+                    key=lambda pair: float(pair[0]),
                 )
                 return float(metres), float(radians)
         return None

@@ -28,7 +28,6 @@ from kb.numbers import NumberError, decimal
 if TYPE_CHECKING:
     from engine.pipelines.simulator.truth import Truth
 
-CAMERA = ("scene", "calibration", "maps", "moved", "lens", "depths")  # options of a camera that makes images
 TICK_S = 0.1  # of real time, where the clock is slowed down
 
 
@@ -253,18 +252,11 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 
 def simulator(setup: DriverSetup) -> Simulator:
-    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth; scene, and with it those of its camera.
-
-    Raises `InvalidInput`.
-    """
-    settings = settings_of(setup, CAMERA if "scene" in setup.options else ())
+    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth. Raises `InvalidInput`."""
+    settings = settings_of(setup)
     cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
     cell.truth = truth_of(setup)
-    if "scene" not in setup.options:
-        return Simulator(cell, settings)
-    from engine.pipelines.placing.camera_cell import CameraCell, seeing_of
-
-    return Simulator(CameraCell(cell, seeing_of(setup.options, setup.seed)), settings)
+    return Simulator(cell, settings)
 
 
 def truth_of(setup: DriverSetup) -> "Truth | None":
@@ -278,7 +270,7 @@ def truth_of(setup: DriverSetup) -> "Truth | None":
 
 def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
     """How a simulated cell behaves. `more` are options that its driver has beside these. Raises `InvalidInput`."""
-    known = ("spread", "lookahead", "fault", "log", "truth", "scene", *more)
+    known = ("spread", "lookahead", "fault", "log", "truth", *more)
     if unknown := [name for name in setup.options if name not in known]:
         hint = f"one of: {', '.join(known)}"
         raise InvalidInput(

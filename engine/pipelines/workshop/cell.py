@@ -19,7 +19,7 @@ from engine.pipelines.placing.ordering import Key, Ordered, key_of, move_of
 from engine.pipelines.placing.placing import STILL_M, STILL_RAD, likeliest
 from engine.pipelines.placing.site import Site
 from engine.pipelines.placing.yard import Move, Obstacle, Spot, Yard
-from engine.pipelines.workshop.carrying import Went, carry_out
+from engine.pipelines.workshop.carrying import Went, carry_out, searched_on
 from engine.pipelines.workshop.eyes import Eyes
 from engine.pipelines.workshop.shop import Workshop
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
@@ -45,6 +45,7 @@ class PlacingCell:
     known: dict[Key, tuple[Carry, ...]] = field(default_factory=dict)
     about: str = ""  # the part of the last step
     refused: Obstacle | None = None  # why a step has no motion
+    held: Carry | None = None  # how the part is held that did not go into its hole
 
     def expect(self, order: Ordered) -> None:
         """The motions of a plan are carried out as they were proved, as long as they fit."""
@@ -64,11 +65,16 @@ class PlacingCell:
         if isinstance(carries, Obstacle):
             self.refused = carries
             return NO_WAY
-        if move.end is Spot.GOAL and self._within_m(move, carries) > self.yard.site.scene.tolerance_m:
-            return UNSURE
+        if move.end is Spot.GOAL:
+            doubted = self._doubted(move, carries)
+            if within_m(doubted) > self.yard.site.scene.tolerance_m:
+                return UNSURE
+            fit = self.yard.insertion(move, self.spots, doubted)
+            carries = (*carries[:-1], replace(carries[-1], insertion=fit))
         for carry in carries:
             went = carry_out(self.shop, move.part, carry)
             if went is not Went.DONE:
+                self.held = carry if self.shop.load == move.part else None
                 return went
         self.spots[move.part] = move.end
         return expects or "done"
@@ -85,11 +91,11 @@ class PlacingCell:
         """Where the arm is: all joints of the world (k,)."""
         return self.yard.site.world.moved(self.shop.arm, self.shop.q).configuration
 
-    def _within_m(self, move: Move, carries: Sequence[Carry]) -> float:
-        """How far from its goal the part may come to lie."""
+    def _doubted(self, move: Move, carries: Sequence[Carry]) -> Floats:
+        """The covariance (6, 6) of where the part will be."""
         sighting = self.seen[move.part]
         assert isinstance(sighting, Located)
-        return within_m(brought(sighting, carries, self.yard.pose(move.part, move.end)))
+        return brought(sighting, carries, self.yard.pose(move.part, move.end))
 
     def missing(self, looked_at: Sequence[str]) -> str:  # noqa: ARG002 - the domain has no conditions that are watched
         """The first of some facts that is not so; none is looked at here."""
@@ -107,6 +113,7 @@ class PlacingCell:
             "look_at_the_goal": self._look_at_goal,
             "close_on_nothing": self._close,
             "find_and_plan_anew": self._find,
+            "search_for_the_hole": self._search,
             "correct_the_pose": lambda: self._found(self.eyes.look_near(self.yard, self.spots, self.about)),
         }
         if (said := camera_answer(self.eyes.seeing, action)) or action in acts:
@@ -115,7 +122,7 @@ class PlacingCell:
             return self.model.tests[action].otherwise
         if action == "go_on_without":
             self.spots.pop(self.about, None)
-        return NOT_CURED if action == "search_for_the_hole" else CURED
+        return CURED
 
     def _look_again(self) -> str:
         looked = self.eyes.look(self.yard, self.spots, self.about)
@@ -134,6 +141,8 @@ class PlacingCell:
         return "corrected" if surer else "as_before"
 
     def _look_at_goal(self) -> str:
+        if self.held is not None:  # what is seen there is the part itself, in the hand
+            return "free"
         return "occupied" if self.eyes.goal_is_taken(self.yard, self.spots, self.about) else "free"
 
     def _close(self) -> str:
@@ -154,6 +163,13 @@ class PlacingCell:
             return NOT_CURED
         self._believe(looked)
         self.spots[self.about] = Spot.FOUND
+        return CURED
+
+    def _search(self) -> str:
+        """Search for the hole with the part that is still held, wider than before."""
+        if self.held is None or searched_on(self.shop, self.about, self.held) is not Went.DONE:
+            return NOT_CURED
+        self.spots[self.about], self.held = Spot.GOAL, None
         return CURED
 
     def _find(self) -> str:

@@ -21,6 +21,7 @@ from engine.stages.vision.images import Sensor, disturbed, rendered
 from kb.model.cell import Placement
 from kb.model.scene import Scene
 
+NO_ERRORS = Errors()
 NEAR_M = 0.4  # how far above a part the camera of the hand looks at it
 ABOVE_M = 0.6  # how far above a goal it looks
 TAKEN_PX = 30  # pixels of something unknown that make a goal occupied
@@ -32,7 +33,7 @@ class Eyes:
 
     shop: Workshop
     seed: int = 0
-    knock: Errors = Errors()
+    knock: Errors = NO_ERRORS
     looks: int = 0
 
     @cached_property

@@ -78,15 +78,16 @@ class Workshop:
         leg = Leg(LegKind.WAY, self.arm, path, corners_s(mounted.arm, path, factor), True)
         began = self.seconds
         while (t := self.seconds - began) < leg.seconds:
-            self._aim(leg.at(t))
+            self.aim(leg.at(t))
             self._tick()
             if until is not None and until():
                 return False
-        self._aim(path[-1])
+        self.aim(path[-1])
         self.wait(SETTLE_S)
         return until is None or not until()
 
-    def _aim(self, q: Floats) -> None:
+    def aim(self, q: Floats) -> None:
+        """Aim the servos of the arm at joint values (k,)."""
         self.q = q
         for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q, strict=True):
             self.stage.aim(f"{self.arm}/{joint.name}", float(value))

@@ -76,4 +76,3 @@ class Showing:
         q = shop.stage.actual(shop.stage.world).configurations[shop.arm]
         there = shop.world().moved(shop.arm, q)
         return q, with_hand(there, scene, target_holds(scene, scene.target).jaws, opening)
-

@@ -112,7 +112,9 @@ def test_a_hidden_pose_of_the_camera_is_recovered_as_well_as_its_covariance_says
 def test_a_hand_that_never_turns_does_not_tell_where_the_camera_stands() -> None:
     poses, seen, _, _ = problem(1, 8, lean=0.0)
     with pytest.raises(ValueError, match="turned too little"):
-        calibrated_camera(poses, seen, CAMERA, transform(np.diag([1.0, -1.0, -1.0]), (0.45, 0.2, 1.0)), np.eye(4))
+        calibrated_camera(
+            poses, seen, CAMERA, transform(np.diag([1.0, -1.0, -1.0]), (0.45, 0.2, 1.0)), np.eye(4)
+        )
 
 
 def test_two_sightings_are_too_few() -> None:
