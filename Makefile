@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow laws long check golden bench faults fuzz mutation wheel clean
+.PHONY: demo test slow laws long check golden bench faults fuzz mutation site wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -49,23 +49,22 @@ check: $(VENV)/ready
 golden: $(VENV)/ready
 	$(BIN)/python -m pytest --update-golden --update-plans
 
-# Measured on CELLWRIGHT_DATA, beside other planners and geometry libraries that are installed for this alone.
+# Measured on CELLWRIGHT_DATA, beside other planners and geometry libraries that are installed for this alone. One that cannot be
+# installed is told on the page. PROFILE=full takes a night or more, and goes on where it stopped.
 export CELLWRIGHT_DATA ?= ../shared/data
 PEERS := .peers
-MEASURED := kinematics collision scheduling poses diagnosis macros reuse states execution inspection
+PROFILE ?= quick
 
 $(PEERS)/ready: $(VENV)/ready
 	$(PYTHON) -m venv $(PEERS)
-	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check up-fast-downward pyperplan
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt mujoco coal eaik coacd
+	for each in up-fast-downward pyperplan up-enhsp cosmic-ray; do \
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check $$each || echo "$$each is left out"; done
+	for each in mujoco coal eaik coacd ompl; do \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt $$each || echo "$$each is left out"; done
 	touch $@
 
 bench: $(PEERS)/ready
-	$(BIN)/python benchmarks/plan.py
-	$(BIN)/python benchmarks/planning.py --peers $(PEERS)/bin/python
-	missed=0; $(BIN)/python benchmarks/sequencing.py --peers || missed=1; \
-	for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; \
-	$(MAKE) faults || missed=1; exit $$missed
+	$(BIN)/python benchmarks/whole.py --profile $(PROFILE)
 
 # The fault matrix, and two faults in one run; it goes on where it stopped. SAMPLES=100 SEED=2 CLUSTER=HOST:8786 make faults
 SAMPLES ?= 1000
@@ -89,6 +88,15 @@ mutation: $(VENV)/ready
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check cosmic-ray
 	$(BIN)/python benchmarks/mutation.py --mutators $(PEERS)/bin/python
 
+# All pages as a site in build/site, which fetches nothing from anywhere; open build/site/index.html.
+$(VENV)/site: $(VENV)/ready
+	$(BIN)/python -c "import furo, myst_parser, sphinx" 2>/dev/null || \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt sphinx myst-parser furo
+	touch $@
+
+site: $(VENV)/site
+	$(BIN)/python -m sphinx -q -W --keep-going -b html -c docs/site docs build/site
+
 # A wheel for this platform and for PYTHON, in dist/. On Linux Zig compiles it, and it fits every system that NumPy fits.
 WHEELS := .wheels
 LINUX := $(filter Linux,$(shell uname -s))
@@ -104,5 +112,5 @@ ifdef LINUX
 endif
 
 clean:
-	rm -rf $(VENV) $(PEERS) $(WHEELS) build dist *.egg-info
+	rm -rf $(VENV) $(PEERS) $(WHEELS) .bench build dist *.egg-info
 	find engine -name '*.so' -delete

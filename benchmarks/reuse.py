@@ -39,7 +39,7 @@ from kb.loader import load
 from kb.model.problem import Problem
 from kb.store import Library
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "revision"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "pipelines" / "revision"))
 from disturbances import PLANS, course, moment
 
 LIMIT_S = 10.0  # of one planning task

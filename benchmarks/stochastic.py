@@ -6,8 +6,8 @@
 Probes are heated, cooled and stored in the laboratory; as many depots, furnace 1, freezer 2. Every step of every run varies evenly by
 20 % around its forecast. Nothing may stay in the furnace for longer than --stay (0: no limit). A stay that was too long has to have
 been told as an exception. For the first --known runs CP-SAT schedules the same plan with the durations that the run had, with
---work units of work, about seconds of one core. Exits with 1 if a stay was too long and nobody told, if a run does not reach
-its goals, or if the mean makespan is more than 3 % longer. With --json what was run is kept, and the next call goes on behind it; --jobs runs
+--work units of work, about seconds of one core; a run that nobody could have carried out within --stay is not compared. Exits
+with 1 if a stay was too long and nobody told, if a run does not reach its goals, or if the mean makespan is more than 3 % longer. With --json what was run is kept, and the next call goes on behind it; --jobs runs
 so many at the same time.
 
 With --forecast: how good the forecasts of starts are, of all and of those that a run shows, which may not be off by more than
@@ -31,6 +31,7 @@ from pathlib import Path
 
 from engine.formats.report.standing import Standing as Run
 from engine.model.execution import Record, RecordKind
+from engine.model.outcome import Infeasible
 from engine.model.schedule import Timetable
 from engine.pipelines.execution import Execution, Timed
 from engine.pipelines.execution.compiling import situation_of
@@ -129,7 +130,10 @@ def stays(records: list[Record]) -> list[tuple[str, int]]:
 
 
 def with_perfect_knowledge(problem: Problem, ready: Ready, records: list[Record], work: float) -> float:
-    """The makespan in seconds that CP-SAT finds for the plan with the durations that its steps had."""
+    """The makespan in seconds that CP-SAT finds for the plan with the durations that its steps had.
+
+    0 if there is no such schedule: where steps took too long, nobody could have kept all stays.
+    """
     lasted: dict[str, list[int]] = {}
     for each in (record for record in records if record.kind is RecordKind.DONE):
         lasted.setdefault(each.content["action"], []).append(each.at_ms - each.content["started_ms"])
@@ -137,6 +141,8 @@ def with_perfect_knowledge(problem: Problem, ready: Ready, records: list[Record]
     told = replace(problem, durations=known)
     steps = tuple(replace(s, duration=known.get(s.operator, s.duration)) for s in ready.plan.steps)
     made = timed(told, ground(told), replace(ready.plan, steps=steps), ScheduleLimits(work))
+    if isinstance(made, Infeasible):
+        return 0.0
     assert isinstance(made, Timetable), made
     return float(made.schedule.makespan)
 

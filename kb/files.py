@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
 MAX_BYTES = 64 * 2**20  # of a file that people write, or that an import writes for them
 EXCERPT = 160  # characters of a line shown in a message
@@ -89,6 +89,20 @@ def unprintable(text: str) -> re.Match[str] | None:
     return re.search(ASCII if text.isascii() else UNICODE, text)
 
 
+def similar(path: Path) -> str:
+    """The hint for a file that is not there: one beside it whose name is like it; empty if there is none."""
+    try:
+        names = [each.name for each in os.scandir(path.parent) if each.name[:1] != "."]
+    except (OSError, ValueError):
+        return ""
+    found = nearest(path.name, names)
+    return (
+        found.replace("did you mean '", f"did you mean '{path.parent}{os.sep}")
+        if found and path.parent != Path()
+        else found
+    )
+
+
 def read_file(path: Path, name: str | None = None, most: int = MAX_BYTES) -> File:
     """The text of `path`, of at most so many bytes. Raises `InvalidInput` if it cannot be read as text."""
     name = name or str(path)
@@ -125,7 +139,10 @@ def read_bytes(path: Path, name: str, most: int = MAX_BYTES) -> bytes:
                 return data
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or str(error)
-        raise InvalidInput([Diagnostic(Source(name), "K001", f"cannot be read: {said.lower()}")]) from None
+        hint = similar(path) if isinstance(error, FileNotFoundError) else ""
+        raise InvalidInput(
+            [Diagnostic(Source(name), "K001", f"cannot be read: {said.lower()}", hint)]
+        ) from None
     if stat.S_ISDIR(status.st_mode):
         found = Diagnostic(Source(name), "K001", "this is a folder, not a file", "name a file in it")
     elif not stat.S_ISREG(status.st_mode):

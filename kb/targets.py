@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import is_file, is_folder, is_there
+from kb.files import is_file, is_folder, is_there, similar
 
 if TYPE_CHECKING:
     from kb.model.domain import Domain
@@ -14,6 +14,7 @@ DOMAIN_FILE = "domain.yaml"
 CELL_FILE = "cell.yaml"
 CONTACTS_FILE = "contacts.yaml"
 DEVICE_FILE = "device.yaml"
+SCENE_FILE = "scene.yaml"
 DEVICES = "devices"  # the folder of devices: of those that come with the engine, and beside a domain
 BUNDLED = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
 
@@ -55,6 +56,24 @@ def find(target: str) -> Path:
     raise InvalidInput([_not_found(target, path, [*known, *candidates])])
 
 
+def bundled_scenes() -> dict[str, Path]:
+    """The scenes that come with the engine, by name."""
+    found = {path.parent.name: path for path in sorted(BUNDLED.glob(f"*/{SCENE_FILE}"))}
+    more = sorted(path for path in BUNDLED.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
+    return found | {f"{path.parent.parent.name}/{path.stem}": path for path in more}
+
+
+def find_scene(name: str) -> Path:
+    """The file of a scene, by path or bundled name such as `handey` or `handey/five`. Raises `InvalidInput`."""
+    known = bundled_scenes()
+    if is_file(Path(name)):
+        return Path(name)
+    if name in known:
+        return known[name]
+    hint = nearest(name, list(known)) or f"bundled: {', '.join(known)}"
+    raise InvalidInput([Diagnostic(Source(name), "K401", "no file and no bundled scene of this name", hint)])
+
+
 def _of_domain(folder: Path, name: str) -> dict[str, Path]:
     """The problems of a bundled domain by name; those in `large` take long, and are not part of its tests."""
     files = [*folder.glob("large/*.yaml"), *folder.glob("problems/*.yaml")]
@@ -91,7 +110,8 @@ def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:
     if is_folder(path):
         hint = "name a problem file, or make a domain here with `cellwright init`"
         return Diagnostic(where, "K401", f"there is no {DOMAIN_FILE} in this folder", hint)
-    hint = nearest(target, known) or f"bundled: {', '.join(known)}"
+    beside = similar(path) if path.suffix in (".yaml", ".yml", ".json") else ""
+    hint = beside or nearest(target, known) or f"bundled: {', '.join(known)}"
     return Diagnostic(where, "K401", "no file, bundled domain or problem of this name", hint)
 
 

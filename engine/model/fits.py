@@ -38,6 +38,7 @@ class Cloud:
     `directions` (n, 3), unit vectors, are the beams along which the deviations count; None: they count in every direction. `beam_m` (n,) is
     the standard deviation of the intensity across each beam, where it is wide enough to matter. `pointing_m` (n,) is how far beside its
     direction each beam points, the standard deviation in each of the two directions across it; `sigma_m` does not hold what follows from it.
+    `range_m` (n,) is how far each point is from where its beam starts; None: the beams do not spread.
     """
 
     points: Floats
@@ -45,6 +46,7 @@ class Cloud:
     directions: Floats | None = None
     beam_m: Floats | None = None
     pointing_m: Floats | None = None
+    range_m: Floats | None = None
 
 
 def unusable(points: Floats, sigma_m: Floats) -> str | None:

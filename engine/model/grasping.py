@@ -14,8 +14,8 @@ from engine.model.geometry import Floats, Truths
 
 
 @dataclass(frozen=True, slots=True)
-class ParallelJaws:
-    """A gripper with two parallel fingers, and behind them a cross-piece and a force sensor, all of them blocks.
+class _Fingers:
+    """What hands have in common: fingers, and behind them a cross-piece and a force sensor.
 
     The tips are square pads of side `pad_m`; fingers are `finger_m` long, and as thick as `thick_m` in the closing direction.
     `cross_m` and `sensor_m` are extents along x, y and z. `friction` and `force_n` are those of each pad.
@@ -30,6 +30,11 @@ class ParallelJaws:
     friction: float = 0.4
     force_n: float = 40.0
     clearance_m: float = 0.004
+
+
+@dataclass(frozen=True, slots=True)
+class ParallelJaws(_Fingers):
+    """A gripper with two parallel fingers, all of its parts blocks."""
 
     def blocks(self, opening: Sequence[float]) -> tuple[Floats, Floats]:
         """Middles (4, 3) and half extents (4, 3) of the fingers, cross-piece and sensor, opened for a width and a clearance."""
@@ -47,22 +52,13 @@ class ParallelJaws:
 
 
 @dataclass(frozen=True, slots=True)
-class ThreeFingers:
+class ThreeFingers(_Fingers):
     """A hand with a palm and three round fingers of diameter `thick_m` that close one by one, as Barrett's.
 
     One finger comes from -x. The others stand `thick_m` to both sides of the x axis and come from +x, each turned outwards by the
     spread: at 0 they are parallel, at 60 degrees all three come from evenly around. Otherwise it is as `ParallelJaws`.
     """
 
-    opening_m: float
-    pad_m: float
-    finger_m: float
-    thick_m: float
-    cross_m: tuple[float, float, float]
-    sensor_m: tuple[float, float, float]
-    friction: float = 0.4
-    force_n: float = 40.0
-    clearance_m: float = 0.004
     spreads_rad: tuple[float, ...] = tuple(math.radians(each) for each in (0, 15, 30, 45, 60))
 
     def ways(self, spread_rad: float) -> tuple[Floats, Floats]:

@@ -13,7 +13,8 @@ class Feature:
     """One quantity of one thing. `value` is the mean of the `values` that count, in the frame of the part; None if none does.
 
     `uncertainty` is expanded (two standard deviations). `bad` are values that do not count, each with the reason. `doubt` says why
-    it should be measured again before it counts, `why` what keeps it from a decision. All numbers count `unit`s.
+    it should be measured again before it counts, `why` what keeps it from a decision, `again` why it was measured again, each time.
+    All numbers count `unit`s.
     """
 
     of: str
@@ -29,6 +30,7 @@ class Feature:
     bad: tuple[tuple[Measured, str], ...] = ()
     doubt: str = ""
     why: str = ""
+    again: tuple[str, ...] = ()
 
     @property
     def conformity(self) -> Conformity | None:
@@ -41,10 +43,10 @@ class Feature:
     @property
     def judged(self) -> str:
         """The verdict in a word or two."""
-        if self.value is None:
-            return "not measured"
         if self.doubt:
             return "doubtful"
+        if self.value is None:
+            return "not measured"
         shown = self.conformity
         if shown is not None:
             return shown.value
@@ -59,6 +61,16 @@ class Feature:
     def sigma(self) -> float:
         """The standard deviation of the value; 0 if it is not known."""
         return (self.uncertainty or 0.0) / COVERAGE
+
+
+@dataclass(frozen=True, slots=True)
+class Spoilt:
+    """Values of something by a tool that do not count, up to a time: when it was found out why."""
+
+    of: str
+    tool: str
+    until_ms: int
+    why: str
 
 
 @dataclass(frozen=True, slots=True)

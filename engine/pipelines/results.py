@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from engine.model.execution import RecordKind
 from engine.model.measurements import chooses_tools
@@ -10,6 +11,7 @@ from engine.pipelines.inspection import partition
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.past import reading_past
 from engine.pipelines.planning import problem_of
+from engine.pipelines.verdicts.spoiling import spoilt_in
 from kb.asp import ground_term
 from kb.model.problem import Problem
 from kb.model.results import Measured, Results, Treated
@@ -17,6 +19,8 @@ from kb.store.journal import Begun, Journal, Line
 from kb.terms import Function, Term
 
 KINDS = (RecordKind.REPLY.value, RecordKind.DONE.value)
+KNOWN = (RecordKind.ALIGNMENT, RecordKind.GIVEN_UP, RecordKind.WORLD, RecordKind.DECISION)
+TOLD = tuple(each.value for each in KNOWN)
 
 
 def runs_in(store: str) -> tuple[Begun, ...]:
@@ -55,12 +59,23 @@ def survey_of(store: str, run: str) -> Told:
             results = read(begun, problem, journal.lines(run, kinds=KINDS))
             if not results.measured:
                 return Told(results, None)
-            told = list(journal.lines(run, kinds=(RecordKind.ALIGNMENT.value, RecordKind.GIVEN_UP.value)))
+            told = list(journal.lines(run, kinds=TOLD))
     placed = [(line.content, line.at_ms) for line in told if line.kind == RecordKind.ALIGNMENT.value]
     given_up = [
         (line.content["goal"], line.content["why"]) for line in told if line.kind == RecordKind.GIVEN_UP.value
     ]
-    return Told(results, survey(problem, results, placed, given_up, _impossible(problem)))
+    spoilt = spoilt_in((line.content, line.at_ms) for line in told if line.kind == RecordKind.WORLD.value)
+    again = _again(line.content for line in told if line.kind == RecordKind.DECISION.value)
+    return Told(results, survey(problem, results, placed, given_up, _impossible(problem), spoilt, again))
+
+
+def _again(decisions: Iterable[Mapping[str, Any]]) -> dict[str, list[str]]:
+    """Why measurements were made again, by name, as decisions of a run say."""
+    found: dict[str, list[str]] = {}
+    for content in decisions:
+        for name, each in content.get("again", {}).items():
+            found.setdefault(name, []).append(each["why"])
+    return found
 
 
 def _impossible(problem: Problem) -> Mapping[str, str]:

@@ -54,6 +54,7 @@ class Grounder:
         self._parts = 0
         self._tables = 0
         self._given: Mapping[tuple[str, int], Mapping[Function, None]] = {}
+        self._read: dict[tuple[str, int, bool], list[Function]] = {}
 
     def know(self, given: Mapping[tuple[str, int], Mapping[Function, None]]) -> None:
         """Take all true atoms of some predicates as they are given: that is quicker than to ask clingo for each.
@@ -68,6 +69,7 @@ class Grounder:
         Raises `AspError`, and what `kb.asp.bounded` raises where that takes too long.
         """
         self._parts += 1
+        self._read.clear()
         part = f"part_{self._parts}"
         try:
             self._control.add(part, [], text)
@@ -84,10 +86,15 @@ class Grounder:
     def facts(self, predicate: str, arity: int) -> Collection[Function]:
         """Every true atom of a predicate, in clingo's order."""
         known = self._given.get((predicate, arity))
-        if known is not None:
-            return known.keys()
-        found = self._control.symbolic_atoms.by_signature(predicate, arity)
-        return [_fact(atom.symbol) for atom in found]
+        return known.keys() if known is not None else self._true(predicate, arity)
+
+    def _true(self, predicate: str, arity: int, positive: bool = True) -> list[Function]:
+        """Every true atom of a predicate, read from clingo once: planner and checker ask for the same ones."""
+        key = predicate, arity, positive
+        if key not in self._read:
+            found = self._control.symbolic_atoms.by_signature(predicate, arity, positive)
+            self._read[key] = [_fact(atom.symbol) for atom in found]
+        return self._read[key]
 
     def column(self, predicate: str, arity: int, number: int) -> list[str]:
         """The texts of one argument of every true atom of a predicate: its other arguments are not read."""
@@ -106,8 +113,7 @@ class Grounder:
             if name == predicate and positive and (name, arity) in self._given:
                 yield from self._given[name, arity]
             elif name == predicate:
-                for atom in atoms.by_signature(name, arity, positive):
-                    yield _fact(atom.symbol)
+                yield from self._true(name, arity, positive)
 
     def holds(self, atom: Function) -> bool:
         """Whether a ground atom is true."""

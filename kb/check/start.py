@@ -108,8 +108,12 @@ def hopeless(
     """A warning about an initial state from which no goal of any problem can be reached, even if nothing were ever undone.
 
     `reached` are the atoms that can become true; `begun` says whether a chain of the problem can reach its first stage.
+    Goals of derived predicates that grounding has replaced by what they stand for are not among `reached`: of them nothing is said.
     """
     wanted = {atom for each in problems for atom in _wanted(each)}
+    derived = {name for name, each in problem.domain.predicates.items() if each.kind is Kind.DERIVED}
+    if {atom.name for atom in wanted} & derived - {atom.name for atom in reached}:
+        return
     own = set(_wanted(problem)) or {
         part for c in problem.chains for each in c.stages for part in parts_of(each)
     }

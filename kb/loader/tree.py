@@ -89,9 +89,8 @@ class Composer:
         if roots:
             found = Diagnostic(roots[1].where, "K002", "a second document", "keep one, without `---` between")
         else:
-            found = Diagnostic(
-                Source(self.file.path), "K002", "the file is empty", "it needs `domain:` or `problem:`"
-            )
+            hint = "give another one" if _is_json(self.file) else "it needs `domain:` or `problem:`"
+            found = Diagnostic(Source(self.file.path), "K002", "the file is empty", hint)
         raise InvalidInput([*self.found, found])
 
     def _events(self) -> Iterator[yaml.Event]:
@@ -175,7 +174,12 @@ def _yaml_error(file: File, error: yaml.YAMLError) -> Diagnostic:
     where = file.at(mark.index) if mark else Source(file.path)
     problem = getattr(error, "problem", None) or str(error)
     hint = next((hint for part, hint in _YAML_HINTS.items() if part in problem), "")
-    return Diagnostic(where, "K002", f"not YAML: {problem}", hint)
+    return Diagnostic(where, "K002", f"not {'JSON' if _is_json(file) else 'YAML'}: {problem}", hint)
+
+
+def _is_json(file: File) -> bool:
+    """Whether a program wrote the file. JSON is read as YAML, of which it is a part."""
+    return file.path.endswith(".json")
 
 
 _INDENT = "indent it like its neighbours, and look for an open quote or bracket in an earlier line"

@@ -136,6 +136,12 @@ class Conventions:
         "sequence, import",
         "in which step of the alignment a measurement is made: 1 first; all of them come before the others",
     )
+    aligned_within: str = _static(
+        "aligned_within",
+        "int",
+        "run",
+        "how well every measured point of the part has to be known once it is aligned: two standard deviations, in micrometres",
+    )
     impossible: str = _static(
         "impossible", "measurement, text", EVERYWHERE, "why no tool can take a measurement"
     )

@@ -9,7 +9,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "api.md").read_text()
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)
 
 
-LONG = ("compare_all(", "explain(", "checking.check(")  # each takes seconds
+LONG = ("explain(", ".diagnose(", ".run(", ".cell(", ".place(", ".prepare(", ".init(")  # each takes seconds
 
 
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.slow)])

@@ -3,7 +3,6 @@
 import contextlib
 import math
 import re
-import shlex
 import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -12,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
-from click.testing import Result
-from typer.testing import CliRunner
+from golden_texts import compare_with_golden
 
 from engine.authoring.starter import create
 from engine.faces.cli import app, exits
@@ -23,11 +21,14 @@ from engine.formats.interop.results import written as written_results
 from engine.stages.vision.ranging import of_depths
 from kb.model.ranging import Ranging
 from kb.model.results import Measured, Results
+from tests.docs.pages import PATHS, Run, assert_shown, parts, run
 
 TOP = Path(__file__).parents[2]
 PAGES = {file.name: file.read_text("utf-8") for file in [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]}
 COMMANDS = PAGES["command-line.md"]
-FIRST = "\n".join(PAGES[name] for name in ("README.md", "first-steps.md", "command-line.md"))
+FIRST_PAGES = ("README.md", "first-steps.md", "command-line.md")
+FIRST = "\n".join(PAGES[name] for name in FIRST_PAGES)
+STORIES = ("tutorial.md",)  # gone through from top to bottom, by a test of their own
 CELLWRIGHT = typer.main.get_command(app)
 VERBS = CELLWRIGHT.commands  # type: ignore[attr-defined]
 
@@ -96,11 +97,12 @@ def written(pages: Iterable[str]) -> list[str]:
         )
         found |= dict.fromkeys(" ".join(each.split()) for each in [*indented, *inline])
     serving = ("cellwright monitor", "cellwright lsp")  # they serve until they are ended
-    return [line for line in found if not line.startswith(serving)]
+    installing = ("cellwright --install-completion",)  # it writes into the home of whoever runs the tests
+    return [line for line in found if not line.startswith(serving + installing)]
 
 
-def run(line: str) -> Result:
-    return CliRunner().invoke(app, shlex.split(line)[1:], env={"COLUMNS": "120", "XDG_STATE_HOME": "."})
+OWN = {name: page for name, page in PAGES.items() if name not in STORIES}
+PICTURES = [line for line in written(OWN.values()) if " > pictures/" in line]
 
 
 @pytest.fixture(scope="module")
@@ -175,11 +177,19 @@ def timed(line: str) -> object:
 
 
 QUICK = set(written([FIRST]))
-EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', FIRST, re.M | re.S)
-SHOWN = {line for line, _ in EXAMPLES}  # these are run where what they print is read, too
+EXAMPLES = [
+    (path.name, part)
+    for path in PATHS
+    if path.name not in STORIES
+    for part in parts(path.read_text("utf-8"))
+    if isinstance(part, Run) and part.shown is not None
+]
+SHOWN = {part.line for _, part in EXAMPLES}  # these are run where what they print is read, too
 
 
-@pytest.mark.parametrize("line", [timed(each) for each in written(PAGES.values()) if each not in SHOWN])
+@pytest.mark.parametrize(
+    "line", [timed(each) for each in written(OWN.values()) if each not in {*SHOWN, *PICTURES}]
+)
 @pytest.mark.usefixtures("desk")
 def test_a_command_line_runs(line: str) -> None:
     result = run(filled(line))
@@ -206,7 +216,7 @@ def with_own(command: Any) -> Iterator[Any]:
 
 
 def test_every_option_that_is_named_exists() -> None:
-    commands = [each for verb in VERBS.values() for each in with_own(verb)]
+    commands = [CELLWRIGHT, *(each for verb in VERBS.values() for each in with_own(verb))]
     options = {name for each in commands for parameter in each.params for name in parameter.opts}
     others = {"--help", "--update-golden"}  # of every command; of the tests
     for name, page in PAGES.items():
@@ -220,19 +230,36 @@ def test_every_exit_code_is_in_the_table_and_no_other() -> None:
     assert table == known
 
 
-def of_a_kind(line: str, shown: str) -> object:
-    """An example; a long search for a reason is slow."""
-    return pytest.param(line, shown, marks=[pytest.mark.slow] if " explain " in line else [], id=line)
+def of_a_kind(name: str, part: Run) -> object:
+    """An example; a long search for a reason is slow, and so are the other pages."""
+    slow = " explain " in part.line or name not in FIRST_PAGES
+    return pytest.param(name, part, marks=[pytest.mark.slow] if slow else [], id=f"{name}: {part.line}")
 
 
-@pytest.mark.parametrize(("line", "shown"), [of_a_kind(*each) for each in EXAMPLES])
-def test_what_the_first_pages_show_is_what_is_printed(line: str, shown: str) -> None:
-    printed = [each.rstrip() for each in run(line).stdout.splitlines()]
-    assert printed == shown.splitlines()
+@pytest.mark.parametrize(("name", "part"), [of_a_kind(*each) for each in EXAMPLES])
+@pytest.mark.usefixtures("desk")
+def test_what_a_page_shows_is_what_is_printed(name: str, part: Run, request: pytest.FixtureRequest) -> None:
+    path = next(each for each in PATHS if each.name == name)
+    assert_shown(path, {part: run(filled(part.line))}, request.config.getoption("--update-golden"))
 
 
 def test_the_first_pages_show_a_plan_and_a_reason() -> None:
     assert len(EXAMPLES) >= 2
+
+
+@pytest.mark.parametrize("line", [pytest.param(line, marks=pytest.mark.slow) for line in PICTURES])
+@pytest.mark.usefixtures("desk")
+def test_a_picture_is_what_its_command_draws(line: str, request: pytest.FixtureRequest) -> None:
+    command, _, file = line.partition(" > ")
+    text = run(filled(command)).stdout
+    compare_with_golden(TOP / "docs" / file, text, request.config.getoption("--update-golden"))
+
+
+def test_every_picture_is_shown_where_its_command_stands() -> None:
+    pages = {name: page for name, page in PAGES.items() if name not in STORIES}
+    shown = {file for page in pages.values() for file in re.findall(r"!\[[^\]]*\]\((pictures/[^)]+)\)", page)}
+    assert shown == {line.partition(" > ")[2] for line in PICTURES}
+    assert {f"pictures/{file.name}" for file in (TOP / "docs" / "pictures").iterdir()} == shown
 
 
 @pytest.mark.parametrize("name", PAGES)

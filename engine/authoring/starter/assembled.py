@@ -1,5 +1,6 @@
 """A domain that is put together from devices: it plans, runs in simulation, fails and recovers at once."""
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -8,13 +9,14 @@ from kb.files import File
 from kb.loader.uses import Device, Use, all_devices, uses_in
 from kb.targets import DOMAIN_FILE
 
-STORES = ("rack", "drawer")  # where probes are at the start
+STORES = ("rack", "plate_hotel", "drawer")  # where probes are at the start
 PROBES = ("probe_1", "probe_2")
 TRAVEL = "include: [rules.lp]\nstatics:\n  travel(target, target, time): {}\n"
 WAYS = """% How long the arm takes from place to place. With the positions of all places, leave this out: see "motion" in the
 % reference of the language.
 travel(A, B, 4) :- visited(A), visited(B), A != B.
 """
+NAME = re.compile("[a-z][a-z0-9_]*")
 ORDINALS = ("", "second_", "third_", "fourth_", "fifth_")
 HEAD = """# yaml-language-server: $schema=schema/{kind}.schema.json
 """
@@ -39,9 +41,21 @@ def texts(folder: Path, name: str, devices: Sequence[str]) -> tuple[dict[str, st
 
 
 def _numbered(devices: Sequence[str]) -> dict[str, str]:
-    """The device of each use: the second furnace is called second_furnace. Raises `InvalidInput` if there are too many."""
+    """The device of each use: the second furnace is called second_furnace, unless it is named (`oven=furnace`).
+
+    Raises `InvalidInput` if there are too many, or if two have one name.
+    """
     found: dict[str, str] = {}
     for each in devices:
+        name, named, device = (part.strip() for part in each.partition("="))
+        if named:
+            if not NAME.fullmatch(name) or name in found:
+                hint = "write NAME=DEVICE with a name of its own in small letters: hotel=rack"
+                raise InvalidInput(
+                    [Diagnostic(Source("--with"), "K406", f"'{name}' cannot be the name", hint)]
+                )
+            found[name] = device
+            continue
         count = sum(1 for other in found.values() if other == each)
         if count == len(ORDINALS):
             hint = "write further ones into the domain: each has a name under `use:`"
@@ -107,14 +121,13 @@ def _problem(name: str, uses: Sequence[Use]) -> str:
     store = next((use.name for kind in STORES for use in uses if use.device.name == kind), "")
     examples = [use.example() for use in uses if use.name != store]
     objects = [f"probe: [{', '.join(PROBES)}]"] if store else []
-    measured = [each["objects"].split(": ")[1] for each in examples if "objects" in each]
-    objects += [f"measurement: [{', '.join(measured)}]"] if measured else []
+    objects += _further(_said(examples, "objects"))
     homes = [f"own_depot({each}, slot({store}, {n}))" for n, each in enumerate(PROBES, 1) if store]
     return "\n".join(
         [
             f"# yaml-language-server: $schema=../schema/problem.schema.json\nproblem: first\ndomain: {name}",
             *_section("objects", [f"  {each}" for each in objects]),
-            *_section("statics", _items([*homes, *_said(examples, "static")])),
+            *_section("statics", _items(dict.fromkeys([*homes, *_said(examples, "static")]))),
             *_section(
                 "initial",
                 _items(each.replace("(P,", f"({PROBES[0]},") for each in _said(examples, "initial")),
@@ -124,6 +137,15 @@ def _problem(name: str, uses: Sequence[Use]) -> str:
             "",
         ]
     )
+
+
+def _further(said: Iterable[str]) -> list[str]:
+    """Objects that examples need, `TYPE: NAME`, by type."""
+    found: dict[str, list[str]] = {}
+    for each in dict.fromkeys(said):
+        kind, _, name = each.partition(": ")
+        found.setdefault(kind, []).append(name)
+    return [f"{kind}: [{', '.join(names)}]" for kind, names in found.items()]
 
 
 def _said(examples: Iterable[dict[str, str]], key: str) -> list[str]:

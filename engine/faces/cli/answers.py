@@ -20,6 +20,7 @@ import typer
 
 from engine.faces.cli.ending import abandon
 from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
+from engine.faces.cli.slow import answered
 from engine.faces.cli.watchdog import Watch, current
 from kb.stopping import Stopped
 
@@ -60,6 +61,7 @@ def give(make: Callable[[], Answer], form: Form) -> NoReturn:
         watch.tell = lambda code: _print_stopped(code, form)
     with _hearing():
         answer = _answered(make)
+    answered()
     with suppress(OSError):  # even if the reason cannot be printed, the exit code is right
         if form is Form.TEXT or answer.raw is not None:
             _report(answer)
@@ -86,7 +88,7 @@ def writing() -> Iterator[None]:
         abandon(sys.stdout)
         if error.errno != errno.EPIPE:
             with suppress(OSError):
-                sys.stderr.write(f"cannot write the answer: {error.strerror}\n")
+                sys.stderr.write(f"cannot write {error.filename or 'the answer'}: {error.strerror}\n")
             raise typer.Exit(BAD_INPUT) from None
 
 
@@ -197,6 +199,7 @@ def _stopped(code: int) -> Answer:
 
 
 def _print_stopped(code: int, form: Form) -> None:
+    answered()
     answer = _stopped(code)
     if form is Form.TEXT:
         _report(answer)

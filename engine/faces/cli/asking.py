@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from kb.numbers import is_count
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from engine.faces.cli.interruption import Interruption
     from engine.model.troubleshooting import Action, Advice
     from engine.pipelines.troubleshooting import Desk
@@ -14,11 +16,16 @@ if TYPE_CHECKING:
 def asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
     """A function that asks the person at the terminal. An empty line, Ctrl-C or the end of the input ends the case."""
     from engine.faces.cli import terminal
+    from engine.faces.cli.slow import hushed
     from engine.formats.report import diagnosis as report
 
     console = terminal.console(stderr=True)
 
     def ask(action: "Action", advice: "Advice") -> str | None:
+        with hushed():
+            return asked(action, advice)
+
+    def asked(action: "Action", advice: "Advice") -> str | None:
         session = found.session
         if advice.action is None:
             console.print(found.session.diagnosis().question_text, markup=False)
@@ -35,12 +42,17 @@ def asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
             said = _line(interrupted)
             if not said:
                 return None
-            if said in action.outcomes:
-                return said
-            if is_count(said) and 1 <= int(said) <= len(action.outcomes):
-                return action.outcomes[int(said) - 1]
+            if (meant := _meant(said, action.outcomes)) is not None:
+                return meant
 
     return ask
+
+
+def _meant(said: str, outcomes: "Sequence[str]") -> str | None:
+    """The outcome that is named by its text or its number; None if none is."""
+    if said in outcomes:
+        return said
+    return outcomes[int(said) - 1] if is_count(said) and 1 <= int(said) <= len(outcomes) else None
 
 
 def _line(interrupted: "Interruption") -> str:

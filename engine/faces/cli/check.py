@@ -1,6 +1,5 @@
 """`cellwright check` and `cellwright schema`."""
 
-from contextlib import nullcontext
 from enum import StrEnum
 from typing import Annotated
 
@@ -23,14 +22,11 @@ def check(target: Target, no_reach: NoReach = False, format: Format = Form.TEXT)
 def _check(target: str, reach: bool) -> Answer:
     from rich.text import Text
 
-    from engine.faces.cli import terminal
     from engine.formats.report.findings import summary
     from engine.pipelines import checking
     from kb.diagnostics import errors
 
-    console = terminal.console(stderr=True)
-    with console.status(f"checking {target}") if console.is_terminal else nullcontext():
-        report = checking.check(target, reach)
+    report = checking.check(target, reach)
     found = report.diagnostics
     code = BAD_INPUT if errors(found) else FINDINGS if found else 0
     said = f"{summary(found)} in {len(report.checked)} file{'' if len(report.checked) == 1 else 's'}"

@@ -10,7 +10,11 @@ from engine.faces.cli.verbs import Verbs
 from engine.faces.cli.watchdog import own_process
 
 app = typer.Typer(
-    name="cellwright", cls=Verbs, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+    name="cellwright",
+    cls=Verbs,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 

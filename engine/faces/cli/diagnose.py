@@ -36,7 +36,10 @@ class Goal(StrEnum):
 
 ExceptionName = Annotated[str, typer.Option("--exception", help="the exception, by its name in faults.yaml")]
 Step = Annotated[
-    str, typer.Option("--step", help="the step it interrupted: us_measure(us_probe, t3_746, m1)")
+    str,
+    typer.Option(
+        "--step", help="the step it interrupted: us_measure(us_probe, t3_746, m1), or its number in --plan"
+    ),
 ]
 Outcomes = Annotated[
     str, typer.Option("--outcomes", help="scripted outcomes: look_at_spot=dry, tool_self_test=passed")

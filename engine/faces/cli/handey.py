@@ -10,7 +10,7 @@ from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.calibration import app as calibration
 from engine.faces.cli.exits import FINDINGS, GAVE_UP, INFEASIBLE
 from engine.faces.cli.options import Format, Seed, number
-from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_file, scene_of
+from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
 
 if TYPE_CHECKING:
     from engine.pipelines.placing.assembling import Built
@@ -148,8 +148,9 @@ def _aligned(
     from engine.formats.report import portions as report
     from engine.pipelines.placing import aligning, looking
     from kb.loader.scene import load_scene, relation_of
+    from kb.targets import find_scene
 
-    read = load_scene(scene_file(scene))
+    read = load_scene(find_scene(scene))
     said = relation_of(read.cell, first, kind, second, by)
     given = read_depth(image, looking.camera_of(read)) if image else None
     found = aligning.bring(read, said, seed, given)
@@ -181,8 +182,9 @@ def _watched(part: str, base: str, scene: str, acts: Path, image: Path | None, s
     from engine.pipelines.placing import looking, watching
     from engine.pipelines.placing.answers import NotPlaced
     from kb.loader.scene import load_scene
+    from kb.targets import find_scene
 
-    read = load_scene(scene_file(scene))
+    read = load_scene(find_scene(scene))
     events = read_acts(acts, read)
     given = read_depth(image, looking.camera_of(read)) if image else None
     state = watching.begin(read, part, base, seed, given)

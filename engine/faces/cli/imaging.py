@@ -9,7 +9,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.options import Format, Seed, Target, number
-from engine.faces.cli.scene_files import Image, SceneName, scene_file
+from engine.faces.cli.scene_files import Image, SceneName
 
 if TYPE_CHECKING:
     from engine.pipelines.dimensions import Asked
@@ -148,15 +148,8 @@ def _image(
     from kb.loader.cell import cell_of
 
     problem = planning.problem_of(target)
-    found = measured_surface(
-        problem,
-        cell_of(target),
-        geometry_backend(),
-        name,
-        sigma_m,
-        seed,
-        None if off is None else np.array(off),
-    )
+    true = None if off is None else np.array(off)
+    found = measured_surface(problem, cell_of(target), geometry_backend(), name, sigma_m, seed, true)
     if isinstance(found, Vague):
         told = found.reason
         return Answer("refused", {"reason": told}, lambda: Text(told), FINDINGS)
@@ -210,8 +203,9 @@ def _recognise(scene: str, parts: list[str], path: Path | None, seed: int, pictu
     from engine.pipelines.placing import looking
     from engine.pipelines.placing.recognising import recognised_in
     from kb.loader.scene import load_scene
+    from kb.targets import find_scene
 
-    read = load_scene(scene_file(scene))
+    read = load_scene(find_scene(scene))
     given = read_depth(path, looking.camera_of(read)) if path else None
     seen = recognised_in(read, parts, seed, given)
     found = seen.answer

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.options import Format
 
@@ -15,7 +16,10 @@ def init(
     with_: Annotated[
         str | None,
         typer.Option(
-            "--with", metavar="DEVICES", help="put it together from devices: furnace,drawer,balance"
+            "--with",
+            metavar="DEVICES",
+            help="put it together from devices: furnace,drawer,balance; hotel=rack gives one a name",
+            autocompletion=completion.devices,
         ),
     ] = None,
     format: Format = Form.TEXT,

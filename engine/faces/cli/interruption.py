@@ -1,4 +1,4 @@
-"""Interruption of a search by Ctrl-C, by a request to terminate or by the time limit; progress on a terminal meanwhile."""
+"""Interruption of a search by Ctrl-C, by a request to terminate or by the time limit; news of it meanwhile."""
 
 import signal
 import sys
@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
+from engine.faces.cli import slow
 from engine.faces.cli.watchdog import current
 from engine.model.wording import counted
 from kb import stopping
@@ -31,7 +32,6 @@ class Interruption:
             self.deadline = watch.deadline  # the limit counts from the begin of the command
         self.heard = self.waiting = self.told = False
         self._before: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
-        self._progress = _ProgressLine() if sys.stderr.isatty() else None
 
     def __enter__(self) -> "Interruption":
         self._asking = stopping.asking(self._while_grounding)
@@ -45,12 +45,8 @@ class Interruption:
         self._asking.__exit__(kind, value, trace)
         for each, before in self._before.items():
             signal.signal(each, before)
-        if self._progress:
-            self._progress.clear()
 
     def __call__(self) -> bool:
-        if self._progress:
-            self._progress.tick()
         stop = self._is_over()
         if stop:
             self.told = True
@@ -67,15 +63,13 @@ class Interruption:
 
     def tell(self, plan: "Plan") -> None:
         """Report a better plan on standard error."""
-        if self._progress:
-            self._progress.clear()
         seconds = time.monotonic() - self.started
-        _say(f"{counted(len(plan.steps), 'step')}, cost {plan.cost}, after {seconds:.1f} s\n")
+        with slow.hushed():
+            _say(f"{counted(len(plan.steps), 'step')}, cost {plan.cost}, after {seconds:.1f} s\n")
 
     def tell_cost(self, cost: int) -> None:
         """Show the cost of the best tour so far in the line of progress."""
-        if self._progress:
-            self._progress.news = f", best cost {cost}"
+        slow.tell(f"best cost {cost}")
 
     @contextmanager
     def while_waiting(self) -> Iterator[None]:
@@ -84,7 +78,8 @@ class Interruption:
         if watch := current():
             watch.waiting = True
         try:
-            yield
+            with slow.hushed():
+                yield
         except KeyboardInterrupt:
             self.heard = True
             raise
@@ -97,24 +92,6 @@ class Interruption:
         if self.heard or self.waiting:
             raise KeyboardInterrupt
         self.heard = True
-
-
-class _ProgressLine:
-    """One line on standard error that shows how long a long search has taken so far."""
-
-    def __init__(self) -> None:
-        self.started = self.shown = time.monotonic()
-        self.news = ""
-
-    def tick(self) -> None:
-        now = time.monotonic()
-        if now - self.shown >= 0.5:
-            self.shown = now
-            _say(f"\rsearching {now - self.started:5.1f} s{self.news}; Ctrl-C stops with the best so far ")
-
-    def clear(self) -> None:
-        if self.shown > self.started:
-            _say("\r\x1b[K")
 
 
 def _say(text: str) -> None:

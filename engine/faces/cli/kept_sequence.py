@@ -8,11 +8,10 @@ from engine.faces.cli.exits import INTERRUPTED
 
 if TYPE_CHECKING:
     from engine.pipelines.inspection.progress import News
-    from kb.model.problem import Problem
 
 
 def carried_on(
-    problem: "Problem",
+    target: str,
     store: str,
     said: tuple[list[str], list[str], list[str], list[str]],
     effort: tuple[float | None, int, int],
@@ -23,11 +22,12 @@ def carried_on(
     from engine.faces.cli.interruption import Interruption
     from engine.formats.report import progress as report
     from engine.pipelines.inspection.keeping import carry_on
+    from engine.pipelines.planning import problem_of
     from engine.stages.sequencing import Limits
 
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted)
-        found = carry_on(store, problem, _news(*said), limits, anew)
+        found = carry_on(store, problem_of(target), _news(*said), limits, anew)
     return Answer(
         "found" if found.plan.rest else "done",
         report.next_entry(found) if next_alone else report.entry(found),

@@ -96,17 +96,10 @@ def _list(target: str) -> Answer:
     from engine.formats.report.inspection import entry, parts
     from engine.formats.report.rows import TextTable
     from engine.pipelines.inspection import partition
-    from engine.pipelines.planning import loaded
+    from engine.pipelines.planning import problem_of
     from engine.pipelines.points import with_places
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
-    from kb.loader import find
 
-    problem = loaded(find(target)).problem
-    if problem is None:
-        raise InvalidInput(
-            [Diagnostic(Source(target), "K404", "this is a domain, not a problem", "name a problem")]
-        )
-    found = partition(with_places(problem))
+    found = partition(with_places(problem_of(target)))
     rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]
     rows += [(name, "done", "") for name in found.done]
     rows += [(name, "-", reason) for name, reason in found.impossible.items()]

@@ -5,7 +5,8 @@ from typing import Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.run import Store, default_store
+from engine.faces.cli.run import Store
+from kb.store.own import default_store
 
 EXTRA = ("nicegui", "fastapi", "uvicorn")
 Host = Annotated[

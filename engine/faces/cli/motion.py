@@ -128,11 +128,8 @@ def plan_motion(
     elevation: Elevation = 30.0,
 ) -> None:
     """Plan a motion in the cell of TARGET that touches nothing, and prove it."""
-    work = _work(jobs, cluster, store)
     _refuse_misfits(problems, start, goal, format, output)
-    if problems is None:
-        asked = {"--jobs": jobs != 1, "--cluster": cluster, "--store": store}
-        refuse_idle(asked, "without --problems")
+    work = _work(jobs, cluster, store, "" if problems else "without --problems")
     form = Form.JSON if format is MotionForm.JSON else Form.TEXT
 
     def wished() -> "Wish":
@@ -143,15 +140,23 @@ def plan_motion(
         return Wish(margin, seed, bridges, way, direct, tool, not rest, refine, tilt_rad, budget)
 
     if problems is not None:
-        from engine.faces.cli.motion_sets import replays
-
-        give(lambda: replays(target, problems, wished, output, work), form)
-    seen = (math.radians(azimuth), math.radians(elevation))
-    give(lambda: _planned(target, (start, tuple(goal or ())), wished, format, output, seen), form)
+        give(lambda: _replayed(target, problems, wished, output, work), form)
+    seen, ends = (math.radians(azimuth), math.radians(elevation)), (start, tuple(goal or ()))
+    give(lambda: _planned(target, ends, wished, format, output, seen), form)
 
 
-def _work(jobs: int, cluster: str, store: str) -> Work:
-    """How units of work are carried out. Raises `IdleOption` for --jobs beside --cluster."""
+def _replayed(
+    target: str, problems: Path, wished: "Callable[[], Wish]", output: Path | None, work: Work
+) -> Answer:
+    from engine.faces.cli.motion_sets import replays
+
+    return replays(target, problems, wished, output, work)
+
+
+def _work(jobs: int, cluster: str, store: str, idle: str = "") -> Work:
+    """How units of work are carried out. Raises `IdleOption` for --jobs beside --cluster, or for any where they are idle."""
+    if idle:
+        refuse_idle({"--jobs": jobs != 1, "--cluster": cluster, "--store": store}, idle)
     if cluster:
         refuse_idle({"--jobs": jobs != 1}, "with --cluster")
     return Work(jobs, cluster, store)
@@ -248,7 +253,7 @@ def motion_play(
 
     def played() -> Answer:
         from engine.faces.cli import motion_play as films
-        from engine.faces.cli.run import default_store
+        from kb.store.own import default_store
 
         if run:
             return films.film_of_run(run, store or default_store(), seed, file, pace, seen)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from engine.faces.cli import completion
 from engine.faces.cli.answers import Form
 
 
@@ -30,7 +31,9 @@ def refuse_idle(options: Mapping[str, object], why: str) -> None:
 Target = Annotated[
     str,
     typer.Argument(
-        metavar="TARGET", help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point"
+        metavar="TARGET",
+        help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point",
+        autocompletion=completion.targets,
     ),
 ]
 Format = Annotated[Form, typer.Option("--format", help="how the answer is written")]
@@ -47,7 +50,7 @@ Ground = Annotated[bool, typer.Option("--ground", help="write PDDL without varia
 Strategy = Annotated[
     str,
     typer.Option(
-        help="auto, backward, forward, landmarks, asp, or shortest: proved to have the fewest steps"
+        help="auto, backward, forward, landmarks, novelty, asp, or shortest: proved to have the fewest steps"
     ),
 ]
 Race = Annotated[

@@ -4,11 +4,17 @@ from typing import Annotated
 
 import typer
 
+from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.options import Format
 
 RunName = Annotated[
-    str, typer.Argument(metavar="RUN", help="the name of the run, as `cellwright run` prints it")
+    str,
+    typer.Argument(
+        metavar="RUN",
+        help="the name of the run, as `cellwright run` prints it",
+        autocompletion=completion.runs,
+    ),
 ]
 Step = Annotated[
     str, typer.Argument(metavar="STEP", help="a step of the plan: its number, or as it is written")

@@ -28,13 +28,14 @@ from engine.faces.cli.options import (
     Windows,
     refuse_idle,
 )
-from engine.faces.cli.plan_forms import Made, PlanForm
+from engine.faces.cli.plan_forms import PlanForm
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from engine.faces.cli.interruption import Interruption
     from engine.formats.interop.pddl import PddlProblem
+    from engine.formats.report.planned import Made
     from engine.pipelines.moves.planning import Moving
     from engine.pipelines.objective import Run
     from engine.stages.planning import Limits
@@ -111,18 +112,9 @@ def plan(
     _refuse_unseen(format, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
     searching["--strategy"] = strategy != "auto"
-    work = SearchOptions(
-        time_limit,
-        expansions,
-        seed,
-        "race" if race else strategy,
-        anytime,
-        store,
-        folded,
-        objective or (Wish.COST if strategy == "shortest" else None),
-        _order(order, searching),
-        motion,
-    )
+    way, wish = "race" if race else strategy, objective or (Wish.COST if strategy == "shortest" else None)
+    ordered = _order(order, searching)
+    work = SearchOptions(time_limit, expansions, seed, way, anytime, store, folded, wish, ordered, motion)
     give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
 
 
@@ -194,29 +186,31 @@ def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
 
 def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption
-    from engine.faces.cli.origin import losses
-    from engine.formats.report import json
+    from engine.formats.report import json, planned
 
     _require_strategy(work.strategy)
+    task = _read_task(wanted)
     with Interruption(work.seconds) as interrupted:
-        made = _made(wanted, work, interrupted)
+        made = _made(wanted, task, work, interrupted)
     outcome = made.run.outcome
     return Answer(
         json.status(outcome),
-        plan_forms.document(made, stats) if form is PlanForm.JSON else {},
-        text=lambda: plan_forms.text(made, stats, work.folded),
+        planned.document(made, stats) if form is PlanForm.JSON else {},
+        text=lambda: planned.text(made, stats, work.folded),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
-        diagnostics=(*losses(made.origin, work.store), *(made.task.warnings if made.task else ())),
-        raw=plan_forms.raw(made, form),
+        diagnostics=(*planned.losses(made.origin, work.store), *(task.warnings if task else ())),
+        raw=plan_forms.raw(made, form, task),
     )
 
 
-def _made(wanted: PlanRequest, work: SearchOptions, interrupted: "Interruption") -> Made:
+def _made(
+    wanted: PlanRequest, task: "PddlProblem | None", work: SearchOptions, interrupted: "Interruption"
+) -> "Made":
     """The plan, with the motions of its steps if they are asked for."""
-    from engine.faces.cli.origin import planned
+    from engine.formats.report.planned import Made
     from engine.pipelines import objective as objectives
+    from engine.pipelines.recall import planned
 
-    task = _read_task(wanted)
     problem = task.problem if task else _problem(wanted)
     limits = _limits(work, interrupted, task is not None)
     wish = objectives.Objective(work.objective.value) if work.objective else None
@@ -225,9 +219,9 @@ def _made(wanted: PlanRequest, work: SearchOptions, interrupted: "Interruption")
         moving = _moving(
             wanted.target, problem, work, interrupted, lambda each: objectives.plan(each, limits, wish, order)
         )
-        return Made(moving.run, moving.problem, moving=moving, task=task)
+        return Made(moving.run, moving.problem, moving=moving)
     run, origin = planned(problem, limits, wish, order, work.store, work.folded)
-    return Made(run, problem, origin, task=task)
+    return Made(run, problem, origin)
 
 
 def _problem(wanted: PlanRequest) -> "Problem":

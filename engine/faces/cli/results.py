@@ -5,15 +5,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.options import Format
-from engine.faces.cli.run import Store, default_store
+from engine.faces.cli.run import Store
+from kb.store.own import default_store
 
 if TYPE_CHECKING:
     from engine.formats.interop.results import ResultForm
 
 RunName = Annotated[
-    str, typer.Argument(metavar="[RUN]", help="the name of a run; without it, all runs are listed")
+    str,
+    typer.Argument(
+        metavar="[RUN]",
+        help="the name of a run; without it, all runs are listed",
+        autocompletion=completion.runs,
+    ),
 ]
 Output = Annotated[
     Path | None,
@@ -30,8 +37,11 @@ def results(run: RunName = "", store: Store = "", output: Output = None, format:
     """Show what RUN has measured, and the history of each object; or write it as CSV, JSON, QIF Results or a report in HTML."""
     if output is not None and not run:
         raise typer.BadParameter("--output needs the name of a run")
-    where = store or default_store()
-    give(lambda: _results(run, where, output) if run else _runs(where), format)
+    give(lambda: _told(run, store or default_store(), output), format)
+
+
+def _told(run: str, store: str, output: Path | None) -> Answer:
+    return _results(run, store, output) if run else _runs(store)
 
 
 def _results(run: str, store: str, output: Path | None) -> Answer:

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.options import Expansions, Format, Seed
 from engine.faces.cli.run import Events, Store
@@ -11,7 +12,12 @@ from engine.faces.cli.run import Events, Store
 
 def resume(
     run: Annotated[
-        str, typer.Argument(metavar="RUN", help="the name of the run, as `cellwright run` printed it")
+        str,
+        typer.Argument(
+            metavar="RUN",
+            help="the name of the run, as `cellwright run` printed it",
+            autocompletion=completion.runs,
+        ),
     ],
     store: Store = "",
     events: Events = "",
@@ -24,10 +30,11 @@ def resume(
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
 
     def make() -> Answer:
-        from engine.faces.cli.run import answer_of, default_store
+        from engine.faces.cli.run import answer_of
         from engine.faces.cli.supervision import Watching
         from engine.pipelines.execution import resume as go_on
         from engine.stages.planning import Limits
+        from kb.store.own import default_store
 
         where = store or default_store()
         with Watching(run, where, events, approve=False) as watch:

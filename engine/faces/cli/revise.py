@@ -2,22 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import INTERRUPTED, exit_code
 from engine.faces.cli.options import Expansions, Format, Seed, TimeLimit
-from engine.model.wording import counted
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-    from engine.pipelines.revision import PlanRevision
-    from kb.terms import Atom
-
-    Follows = tuple[tuple[Atom, bool], ...]
 
 
 def revise(
@@ -53,7 +44,7 @@ class Observations:
 
 def _revise(file: Path, given: Observations, both: bool, work: tuple[float | None, int, int]) -> Answer:
     from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import json
+    from engine.formats.report import json, revised
     from engine.pipelines.planning import plan_in
     from engine.pipelines.revision.now import revised_now
     from engine.stages.planning import Limits
@@ -65,39 +56,6 @@ def _revise(file: Path, given: Observations, both: bool, work: tuple[float | Non
         found, follows = revised_now(
             problem, plan, (given.done, given.holds, given.gone, given.lost), limits, both
         )
-    content = {**json.outcome(found.outcome, found.problem), "revision": _entry(found, follows)}
+    content = {**json.outcome(found.outcome, found.problem), "revision": revised.entry(found, follows)}
     code = INTERRUPTED if interrupted.heard else exit_code(found.outcome)
-    return Answer(json.status(found.outcome), content, lambda: _text(found, follows), code)
-
-
-def _entry(found: "PlanRevision", follows: "Follows") -> dict[str, Any]:
-    from engine.formats.report.recovery import given_up_entry
-
-    parts = {"kept": found.kept, "dropped": found.dropped, "added": found.added}
-    return {
-        "way": found.way,
-        **{name: [str(step.operator) for step in steps] for name, steps in parts.items()},
-        "repair_cost": found.repair_cost,
-        "replanning_cost": found.replanning_cost,
-        "follows": {str(atom): holds for atom, holds in follows},
-        "given_up": given_up_entry(found.given_up),
-    }
-
-
-def _text(found: "PlanRevision", follows: "Follows") -> "RenderableType":
-    from rich.console import Group
-    from rich.text import Text
-
-    from engine.formats.report import text
-    from engine.formats.report.recovery import given_up_lines
-
-    said = [
-        f"{found.way}: {counted(len(found.kept), 'step')} kept, {len(found.dropped)} dropped, {len(found.added)} added"
-    ]
-    said += [f"  - {step.operator}" for step in found.dropped]
-    said += [f"  + {step.operator}" for step in found.added]
-    if found.repair_cost is not None and found.replanning_cost is not None:
-        said.append(f"repair costs {found.repair_cost}, replanning {found.replanning_cost}")
-    said += [f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in follows]
-    said += given_up_lines((each.goal, each.why) for each in found.given_up)
-    return Group(text.outcome(found.outcome, found.problem), Text("\n".join(said)))
+    return Answer(json.status(found.outcome), content, lambda: revised.text(found, follows), code)

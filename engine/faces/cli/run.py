@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -113,20 +112,12 @@ class Asked:
     motion: bool
 
 
-def default_store() -> str:
-    """The journal of those who name none: in the folder for the state of programs."""
-    import os
-
-    state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    (state / "cellwright").mkdir(parents=True, exist_ok=True)
-    return str(state / "cellwright" / "runs.db")
-
-
 def _run(
     asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool, format: Form
 ) -> Answer:
     from engine.pipelines.execution import Wanted, listed
     from engine.pipelines.planning import problem_of
+    from kb.store.own import default_store
 
     problem = problem_of(asked.target, asked.goals, asked.command)
     store = asked.store or default_store()

@@ -1,17 +1,22 @@
-"""The scene that a command line means."""
+"""The options that name a scene and an image of it."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from engine.faces.cli import completion
+
 if TYPE_CHECKING:
     from kb.model.scene import Scene
 
-SCENE_FILE = "scene.yaml"
 SceneName = Annotated[
     str,
-    typer.Option("--scene", help="a scene file, or the name of a bundled one, such as handey or handey/five"),
+    typer.Option(
+        "--scene",
+        help="a scene file, or the name of a bundled one, such as handey or handey/five",
+        autocompletion=completion.scenes,
+    ),
 ]
 Image = Annotated[
     Path | None,
@@ -34,23 +39,7 @@ def scene_of(scene: str, calibration: Path | None = None) -> "Scene":
 
     from kb.loader.calibration import load_calibration
     from kb.loader.scene import load_scene
+    from kb.targets import find_scene
 
-    found = load_scene(scene_file(scene))
+    found = load_scene(find_scene(scene))
     return found if calibration is None else replace(found, calibrated=load_calibration(calibration))
-
-
-def scene_file(scene: str) -> Path:
-    """The file that is meant. Raises `InvalidInput`."""
-    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-    from kb.files import is_file
-    from kb.targets import BUNDLED
-
-    bundled = {path.parent.name: path for path in sorted(BUNDLED.glob(f"*/{SCENE_FILE}"))}
-    more = sorted(path for path in BUNDLED.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
-    bundled |= {f"{path.parent.parent.name}/{path.stem}": path for path in more}
-    if is_file(Path(scene)):
-        return Path(scene)
-    if scene in bundled:
-        return bundled[scene]
-    hint = nearest(scene, list(bundled)) or f"bundled: {', '.join(bundled)}"
-    raise InvalidInput([Diagnostic(Source(scene), "K401", "no file and no bundled scene of this name", hint)])

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,10 +14,9 @@ from engine.faces.cli.options import Command, Expansions, Goals, Seed, Stats, Ti
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rich.console import RenderableType
-
-    from engine.model.outcome import GaveUp, Infeasible, Statistics
-    from engine.model.schedule import Schedule, Timetable
+    from engine.formats.report.timetables import Timed
+    from engine.model.outcome import GaveUp, Infeasible
+    from engine.model.schedule import Timetable
     from engine.model.shop import Shop
     from engine.stages.scheduling.limits import ScheduleLimits
     from kb.model.problem import Problem
@@ -94,15 +93,6 @@ class EffortOptions:
     seed: int
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """What an answer tells beside a schedule: the unit of time, the timetable of a plan, and lines about what it does not keep."""
-
-    unit: str = ""
-    timetable: "Timetable | None" = None
-    unmet: tuple[str, ...] = ()
-
-
 def _schedule(wanted: ScheduleRequest, form: ScheduleForm, stats: bool, effort: EffortOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.formats.interop.shops import shop_of
@@ -147,38 +137,23 @@ def _refuse(options: "Mapping[str, str]", why: str) -> None:
 
 
 def _shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool) -> Answer:
-    from engine.formats.report.gantt import schedule_entry
+    from engine.formats.report.timetables import Timed
     from engine.model.schedule import Scheduled
     from engine.stages.scheduling import schedule
 
     found = schedule(shop, limits)
     if not isinstance(found, Scheduled):
         return _none(found)
-    content = {"schedule": schedule_entry(shop, found.schedule)}
-    return _answer(shop, found.schedule, content, found.statistics, form, stats)
+    return _answer(Timed(shop, found.schedule, found.statistics), form, stats)
 
 
 def _timetable(
     problem: "Problem", made: "Timetable | Infeasible | GaveUp", form: ScheduleForm, stats: bool
 ) -> Answer:
-    from engine.formats.report import json
-    from engine.formats.report.bounds import bottleneck_entry
-    from engine.formats.report.gantt import schedule_entry
-    from engine.model.outcome import Found
+    from engine.formats.report.timetables import of_plan
     from engine.model.schedule import Timetable
-    from engine.pipelines.plan_files import unmet
-    from engine.pipelines.timetable.kept import LONG
-    from kb.model.plan import Claims
 
-    if not isinstance(made, Timetable):
-        return _none(made)
-    planned = json.outcome(Found(made.plan), problem, starts=made.starts)["plan"]
-    entry = schedule_entry(made.shop, made.schedule, made.scope, staged=len(made.plan.steps) <= LONG)
-    content = {"schedule": entry, "note": made.note, "bounded_by": bottleneck_entry(made), "plan": planned}
-    unit, broken = problem.domain.time_unit, unmet(problem, made.plan, Claims(dict(made.starts)))
-    content |= broken.entry()
-    shown = Shown(unit, made, tuple(broken.lines(unit)))
-    return _answer(made.shop, made.schedule, content, made.statistics, form, stats, shown)
+    return _answer(of_plan(made, problem), form, stats) if isinstance(made, Timetable) else _none(made)
 
 
 def _none(found: "Infeasible | GaveUp") -> Answer:
@@ -191,50 +166,10 @@ def _none(found: "Infeasible | GaveUp") -> Answer:
     return Answer(status(found), {"reason": found.reason}, lambda: said, exit_code(found))
 
 
-def _answer(
-    shop: "Shop",
-    made: "Schedule",
-    content: dict[str, Any],
-    statistics: "Statistics",
-    form: ScheduleForm,
-    stats: bool,
-    shown: Shown = Shown(),
-) -> Answer:
-    from engine.formats.report import json
+def _answer(made: "Timed", form: ScheduleForm, stats: bool) -> Answer:
+    from engine.formats.report import timetables
 
-    if stats:
-        content["statistics"] = json.statistics(statistics)
-    raw = _chart(shop, made, shown.unit, shown.timetable) if form is ScheduleForm.SVG else None
-    figures = statistics if stats else None
-    said = (lambda: _text(shop, made, figures, shown)) if raw is None else None
-    return Answer("optimal" if made.proved else "found", content, said, raw=raw)
-
-
-def _chart(shop: "Shop", made: "Schedule", unit: str, timetable: "Timetable | None") -> str:
-    from engine.formats.report import gantt_svg
-    from engine.formats.report.gantt import SHOP, kept_order
-
-    if timetable is None:
-        return gantt_svg.chart(shop, made, unit, SHOP)
-    note = kept_order(timetable) if timetable.note else ""
-    return gantt_svg.chart(shop, made, unit, timetable.scope, note)
-
-
-def _text(
-    shop: "Shop",
-    made: "Schedule",
-    statistics: "Statistics | None",
-    shown: Shown,
-) -> "RenderableType":
-    from rich.console import Group
-    from rich.text import Text
-
-    from engine.formats.report import starts, text
-    from engine.formats.report.gantt import charted, charted_shop
-
-    unit, timetable = shown.unit, shown.timetable
-    table = starts.of_steps(timetable, unit) if timetable else starts.of_stages(shop, made, unit)
-    parts = charted(timetable, unit) if timetable else charted_shop(shop, made, unit)
-    return Group(
-        table, "", *parts, *map(Text, shown.unmet), *([text.statistics(statistics)] if statistics else [])
-    )
+    raw = timetables.chart(made) if form is ScheduleForm.SVG else None
+    content = timetables.content(made, stats)
+    said = (lambda: timetables.text(made, stats)) if raw is None else None
+    return Answer(made.status, content, said, raw=raw)

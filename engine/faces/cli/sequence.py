@@ -1,9 +1,7 @@
 """`cellwright sequence`: the cheapest order of visits."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -14,10 +12,9 @@ from engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows, re
 
 if TYPE_CHECKING:
     from engine.model.outcome import GaveUp, Infeasible
-    from engine.model.tour import Tour, TourProblem
-    from engine.pipelines.inspection import Partition
+    from engine.model.tour import Tour
+    from engine.pipelines.inspection.visits import Visits
     from engine.stages.sequencing import Limits
-    from kb.model.problem import Problem
 
 
 class TourForm(StrEnum):
@@ -110,7 +107,7 @@ def sequence(
     if store:
         from engine.faces.cli.kept_sequence import carried_on
 
-        give(lambda: carried_on(_problem_of(target), store, news, effort, next_, anew), form)
+        give(lambda: carried_on(target, store, news, effort, next_, anew), form)
     if cost is not TravelCost.STRAIGHT:
         give(lambda: _of_arm(target, cost, effort), form)
     give(lambda: _sequence(target, method, (back, start, end), wanted, effort, format), form)
@@ -164,11 +161,12 @@ def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]
     from engine.formats.report import inspection
     from engine.pipelines.inspection.poses import posed_tours
     from engine.pipelines.motion.driven import driven_tours
+    from engine.pipelines.planning import problem_of
     from engine.plugins import geometry_backend
     from engine.stages.sequencing import Limits
     from kb.loader.cell import cell_of
 
-    problem, moving = _problem_of(target), cost is TravelCost.MOTION
+    problem, moving = problem_of(target), cost is TravelCost.MOTION
     toured: Any = driven_tours if moving else posed_tours
     entry: Any = inspection.driven_entry if moving else inspection.posed_entry
     shown: Any = inspection.driven if moving else inspection.posed
@@ -186,97 +184,32 @@ def _solve(
     wanted: tuple[list[str], list[str], list[str]],
     limits: "Limits",
 ) -> "tuple[Visits, Tour | Infeasible | GaveUp]":
+    from engine.formats.interop.visits import visits_of
     from engine.stages.sequencing import sequence
 
-    found = _read(target, wanted)
-    closed, start, end = ends
-    asked = replace(
-        found.tours,
-        closed=found.tours.closed if closed is None else closed,
-        start=_named(found.tours, start, "--start"),
-        end=_named(found.tours, end, "--end"),
-    )
-    return replace(found, tours=asked), sequence(asked, limits, method)
-
-
-@dataclass(frozen=True)
-class Visits:
-    """What is to be put in order: a TSPLIB instance, or the measurements of a problem, divided among the tools."""
-
-    tours: "TourProblem"
-    parts: "Partition | None" = None
-    problem: "Problem | None" = None
-
-
-def _read(target: str, wanted: tuple[list[str], list[str], list[str]]) -> Visits:
-    from engine.formats.interop.tsplib import read_tsplib
-    from engine.pipelines.inspection import partition, tour_problem
-    from engine.pipelines.inspection.demands import known, of_options, with_demands
-    from engine.pipelines.points import with_places
-    from kb.files import is_file
-
-    demands = of_options(*wanted)
-    if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
-        found = Visits(with_demands(read_tsplib(Path(target)), demands))
-    else:
-        problem = with_places(_problem_of(target))
-        parts = partition(problem)
-        found = Visits(tour_problem(problem, parts, demands), parts, problem)
-    known(demands, {visit.name for visit in found.tours.visits})
-    return found
-
-
-def _problem_of(target: str) -> "Problem":
-    from engine.pipelines.planning import loaded
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
-    from kb.loader import find
-
-    problem = loaded(find(target)).problem
-    if problem is None:
-        said = "this is a domain, not a problem"
-        raise InvalidInput([Diagnostic(Source(target), "K404", said, "name a problem")])
-    return problem
-
-
-def _named(problem: "TourProblem", name: str, option: str) -> int | None:
-    """The number of a visit."""
-    from kb.diagnostics import InvalidInput, Source, unknown_name
-
-    names = [visit.name for visit in problem.visits]
-    if name and name not in names:
-        raise InvalidInput([unknown_name("visit", name, set(names), Source(option))])
-    return names.index(name) if name else None
+    found = visits_of(target, *wanted).ending(*ends)
+    return found, sequence(found.tours, limits, method)
 
 
 def _answer(
-    found: Visits,
+    found: "Visits",
     answer: "Tour | Infeasible | GaveUp",
     form: TourForm,
     heard: bool,
 ) -> Answer:
-    from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report import inspection, json, tour, tour_svg
+    from engine.formats.report import json, tour_svg, toured
     from engine.model.tour import Tour
-    from engine.pipelines.inspection.ways import time_between
 
     if not isinstance(answer, Tour):
         code = INTERRUPTED if heard else INFEASIBLE if json.status(answer) == "infeasible" else GAVE_UP
         reason = answer.reason
         return Answer(json.status(answer), {"reason": reason}, lambda: Text(f"No tour: {reason}."), code)
-    content, shown = tour.entry(answer, found.tours), [tour.text(answer, found.tours)]
-    if found.parts is not None:
-        content["partition"] = inspection.entry(found.parts)
-        shown.insert(0, inspection.parts(found.parts))
-    if found.problem is not None:
-        time = time_between(found.problem, found.tours, answer.order)
-        content |= tour.time_entry(time, found.problem.domain.time_unit)
-        shown += tour.time_text(time, found.problem.domain.time_unit)
     return Answer(
         "optimal" if answer.proved else "found",
-        content,
-        lambda: Group(*shown),
+        toured.content(answer, found),
+        lambda: toured.text(answer, found),
         INTERRUPTED if heard else 0,
         raw=tour_svg.picture(answer, found.tours) if form is TourForm.SVG else None,
     )

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from engine.faces.cli.slow import hushed
 from engine.faces.cli.watchdog import current
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ class Watching:
         if self._events:
             self._out = sys.stdout if self._events == "-" else Path(self._events).open("w", encoding="utf-8")
         self._before = signal.signal(signal.SIGINT, self._pressed)
+        if self._shown or self._approve or self._events == "-":
+            self._display.enter_context(hushed())
         if watch := current():
             watch.waiting, watch.time_is_up = True, self._stop
         if self._shown:

@@ -33,7 +33,8 @@ def validate(
 ) -> None:
     """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
     if (pddl, pddl) != (task is not None, made is not None):
-        raise typer.BadParameter("--pddl takes a domain, a problem and a plan; without it there is one file")
+        alone = "give the plan's file alone, which carries its problem (--problem names another); "
+        raise typer.BadParameter(f"{'' if pddl else alone}--pddl takes a domain, a problem and a plan")
     if not export:
         own = {"--goals": goals, "--command": command, "--ground": ground}
         refuse_idle(own, "without --export: a plan contains its problem")

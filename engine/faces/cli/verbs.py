@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 from engine.faces.cli.answers import refuse, writing
 from engine.faces.cli.limited import limited
 from engine.faces.cli.options import IdleOption
+from engine.faces.cli.purposes import VERBS_FOR, arranged
 
 USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no public name for it
 
@@ -82,8 +83,14 @@ class Verbs(TyperGroup):
         ctx.meta["json"] = (
             any(two == ("--format", "json") for two in pairwise(args)) or "--format=json" in args
         )
+        if args[:1] == ["help"]:
+            args = [*args[1:], "--help"]
         with _escaping():
             return super().parse_args(ctx, args)
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - the context is part of the protocol
+        """All verbs, in the order of their purposes."""
+        return [verb for verbs in VERBS_FOR.values() for verb in verbs]
 
     def invoke(self, ctx: Any) -> Any:
         """Run the verb. If JSON was asked for, a wrong command line is reported as JSON, too."""
@@ -133,13 +140,13 @@ class _LazyCommands(MutableMapping[str, Any]):
         return len({**VERBS, **self._made})
 
 
-def _limit(group: typer.Typer) -> None:
+def _limit(group: typer.Typer, verb: str) -> None:
     for command in group.registered_commands:
         if command.callback is not None:
-            command.callback = limited(command.callback)
+            command.callback = limited(command.callback, f"{verb} {command.name}")
     for each in group.registered_groups:
         if each.typer_instance is not None:
-            _limit(each.typer_instance)
+            _limit(each.typer_instance, verb)
 
 
 def _command(name: str) -> Any:
@@ -147,10 +154,10 @@ def _command(name: str) -> Any:
     found = getattr(import_module(f"engine.faces.cli.{module}"), attribute)
     if not isinstance(found, typer.Typer):
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        alone.command(name)(limited(found))
+        alone.command(name)(limited(found, name))
         found = alone
     else:
-        _limit(found)
+        _limit(found, name)
     made = typer.main.get_command(found)
     made.name = name
-    return made
+    return arranged(made, name)

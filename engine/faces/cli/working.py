@@ -45,9 +45,10 @@ def progress_of(what: str) -> "Iterator[Callable[[int, int], None]]":
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from engine.faces.cli.slow import hushed
     from engine.faces.cli.terminal import console
 
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
+    with hushed(), Progress(*columns, console=console(stderr=True), transient=True) as bar:
         shown = bar.add_task("", total=None)
         yield lambda done, of: bar.update(shown, completed=done, total=of)

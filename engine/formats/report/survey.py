@@ -32,6 +32,10 @@ def _entry(each: Feature) -> dict[str, Any]:
     return {name: getattr(each, name) for name in names} | {
         "verdict": each.judged,
         "values": len(each.values),
+        "decided_by": [
+            {"value": one.value, "tool": one.tool, "uncertainty": one.uncertainty} for one in each.values
+        ],
+        "again": list(each.again),
         "bad": bad,
     }
 
@@ -49,6 +53,10 @@ def _parts(survey: Survey) -> Iterator[RenderableType]:
     if rows:
         yield TextTable(("feature", "quantity", "value", "from", "to", "verdict", ""), rows[:MANY])
         yield from _more(len(rows))
+    again = [_repeated(each) for each in survey.features if each.again]
+    if again:
+        yield TextTable(("measured again", "because", "values that count", "so it is"), again[:MANY])
+        yield from _more(len(again))
     bad = [(one.of, _number(one.value, one.unit), why) for each in survey.features for one, why in each.bad]
     if bad:
         yield TextTable(("left out", "value", "because"), bad[:MANY])
@@ -58,6 +66,16 @@ def _parts(survey: Survey) -> Iterator[RenderableType]:
             ("not measured", "because"), [(each.name, each.why) for each in survey.unmeasured[:MANY]]
         )
         yield from _more(len(survey.unmeasured))
+
+
+def _repeated(each: Feature) -> tuple[str, ...]:
+    times = "" if len(each.again) == 1 else f" ({len(each.again)} times; this was the last reason)"
+    return each.of, each.again[-1] + times, by_tools(each), each.judged
+
+
+def by_tools(each: Feature) -> str:
+    """The values of a feature that count, each with its tool."""
+    return ", ".join(f"{_number(one.value, one.unit)} by {one.tool}" for one in each.values)
 
 
 def _more(count: int) -> Iterator[RenderableType]:

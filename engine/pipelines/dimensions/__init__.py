@@ -12,7 +12,7 @@ from engine.stages.fitting.between import between
 from engine.stages.fitting.surfaces import fitted
 from engine.stages.vision.edges import edges_of
 from engine.stages.vision.patches import cloud_of
-from engine.stages.vision.rims import rim_of
+from engine.stages.vision.rims import Rim, rim_of, round_rim
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,18 +52,24 @@ def _found(image: RangeImage, edges: Edges, asked: Asked) -> Fitting:
     plane = fitted(Shape.PLANE, cloud_of(image, edges, asked.window))
     if isinstance(plane, Unfitted):
         return Unfitted(f"a circle is the rim of a plane, and there is none: {plane.reason}")
-    rim = rim_of(image, plane.axis, float(plane.axis @ plane.origin), asked.window)
+    offset_m = float(plane.axis @ plane.origin)
+    rim = rim_of(image, plane.axis, offset_m, asked.window)
     if rim is None:
         return Unfitted("the plane ends nowhere in the patch")
+    first = fitted(Shape.CIRCLE, rim.cloud)
+    if isinstance(first, Unfitted):
+        return first
+    rim = round_rim(image, plane.axis, offset_m, rim, first.origin)
     circle = fitted(Shape.CIRCLE, rim.cloud)
-    return _on(plane, circle, rim.beam_m) if isinstance(circle, Fit) else circle
+    return _on(plane, circle, rim) if isinstance(circle, Fit) else circle
 
 
-def _on(plane: Fit, circle: Fit, beam_m: float) -> Fit:
+def _on(plane: Fit, circle: Fit, rim: Rim) -> Fit:
     """A circle on a plane: its height and tilts are those of the plane, which its rim does not tell.
 
     A round rim seen with a wide beam seems nearer to its centre, by the square of the beam over twice the radius: what is summed
-    over a Gaussian spreads as heat does, whose level lines move towards the centre of their curvature.
+    over a Gaussian spreads as heat does, whose level lines move towards the centre of their curvature. Where a beam points beside its
+    direction, along the rim, it seems farther by as much.
     """
     R = plane.T_world_shape[:3, :3]
     T = circle.T_world_shape.copy()
@@ -80,5 +86,5 @@ def _on(plane: Fit, circle: Fit, beam_m: float) -> Fit:
     by: Floats = np.array([[1.0, -x, -y], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     high = [names.index(each) for each in ("z", "tilt_x", "tilt_y")]
     covariance[np.ix_(high, high)] = by @ plane.covariance @ by.T
-    radius = circle.radius_m + beam_m**2 / (2.0 * circle.radius_m)
+    radius = circle.radius_m + (rim.beam_m**2 - rim.pointing_m**2) / (2.0 * circle.radius_m)
     return replace(circle, T_world_shape=T, covariance=covariance, radius_m=radius)

@@ -25,6 +25,7 @@ from engine.pipelines.execution.scope import Scope
 from engine.pipelines.past import reading_past
 from engine.pipelines.simulation import Memory, SymbolicWorld
 from engine.pipelines.simulator.driver import fault_base
+from engine.pipelines.verdicts.spoiling import spoilt_in
 from engine.plugins import driver
 from engine.ports import DriverSetup
 from engine.stages.planning import Limits
@@ -119,6 +120,8 @@ def resume(
         with reading_past(store, run):
             past = past_of(journal, run, Past(start, Scope(problem), Memory.of(base)))
             past.measured = measured_in(journal.lines(run, kinds=(RecordKind.RESULT.value,)))
+            worlds = journal.lines(run, kinds=(RecordKind.WORLD.value,))
+            past.spoilt = spoilt_in((line.content, line.at_ms) for line in worlds)
         if past.plan is None or past.ended in OVER:
             said = f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
             raise InvalidInput([Diagnostic(Source(run), "K421", said, "begin another run")])

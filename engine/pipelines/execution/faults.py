@@ -1,10 +1,11 @@
 """Faults that a person orders for a simulated run: which steps of the plan they are about, and whether they can occur there."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.simulator import possible
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest, unknown_name
 from kb.model.faults import FaultModel
 from kb.numbers import is_count
 from kb.terms import Function
@@ -25,10 +26,10 @@ def _settled(text: str, ready: Ready, base: FaultModel | None) -> str:
         raise _refused(f"'{text}' is no fault", "write STEP=CAUSE: 3=not_gripped, or pick#2=arm_offset")
     if base is None:
         raise _refused("the domain has no fault base", "write a faults.yaml beside it")
-    if cause not in base.causes:
-        raise InvalidInput([unknown_name("cause", cause, base.causes, WHERE)])
     action, _, time = named.partition("#")
     steps = [step.operator for step in sorted(ready.plan.steps, key=lambda s: (ready.starts[s.id], s.id))]
+    if cause not in base.causes:
+        raise InvalidInput([_unknown(cause, base, _step(action.strip(), ready, steps))])
     found = _step(action.strip(), ready, steps)
     ways = [way for step in found for way in possible(base, step, cause)]
     if not ways:
@@ -38,6 +39,16 @@ def _settled(text: str, ready: Ready, base: FaultModel | None) -> str:
         raise _refused(f"{cause} does not show at {action.strip()}", f"it shows at: {', '.join(where)}")
     instance = str(found[0]) if is_count(action.strip()) else action.strip()
     return f"{instance}{'#' + time if time else ''}={cause}{'@' + exception if exception else ''}"
+
+
+def _unknown(cause: str, base: FaultModel, steps: list[Function]) -> Diagnostic:
+    """No such cause: the nearest name, or those that can show at these steps."""
+    here = {name for step in steps for name in base.causes if possible(base, step, name)}
+    near = nearest(cause, base.causes)
+    hint = near or (
+        f"at {steps[0].name}: {', '.join(sorted(here))}" if here else f"nothing can fail at {steps[0].name}"
+    )
+    return replace(unknown_name("cause", cause, base.causes, WHERE), hint=hint)
 
 
 def _step(action: str, ready: Ready, steps: list[Function]) -> list[Function]:

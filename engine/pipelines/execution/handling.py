@@ -1,6 +1,6 @@
 """The exception handler of a run: find the cause with tests, put it right, and plan on for the original goals (ITA)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.model.cases import Diagnosis, Revision
@@ -22,6 +22,7 @@ from engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
 from engine.pipelines.troubleshooting.findings import Findings
 from engine.pipelines.troubleshooting.given import Moment
 from engine.pipelines.troubleshooting.recovery import recover
+from engine.pipelines.verdicts.spoiling import spoils, spoilt_in
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
 from engine.stages.diagnosis.session import QUESTION, run
 from engine.stages.execution import Failure
@@ -29,7 +30,7 @@ from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.model.faults import FaultModel
 from kb.model.plan import Plan, Step, StepId
-from kb.terms import Function, match
+from kb.terms import Atom, Function, match
 
 MOST = 3  # times that one step may fail in one way before it is not tried again
 DEPTH = 4  # cases within cases
@@ -193,7 +194,15 @@ class ExceptionHandler:
                 adds=[str(each) for each in new],
                 ends=[str(each) for each in gone],
                 reached=dict(state.reached),
+                **self._spoils(gone, why),
             )
+
+    def _spoils(self, gone: Iterable[Atom], why: str) -> dict[str, list[list[str]]]:
+        """The measurements among facts that a cause has ended: their values do not count any more."""
+        said = spoils(gone, self.course.measured) if self.course.measured else []
+        now = self.course.driver.now_ms()
+        self.course.spoilt += spoilt_in([({"spoils": said, "why": why}, now)])
+        return {"spoils": said} if said else {}
 
     def _diagnosed(self, made: Diagnosis, step: Function) -> None:
         likely = [str(hypothesis) for hypothesis, _ in made.hypotheses[:3]]

@@ -6,45 +6,24 @@ bad values are looked for; they are repeated. A decision that further values may
 planner says how long they take.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.model.fits import Alignment, Unaligned
 from engine.model.measurements import chooses_tools, named
-from engine.model.outcome import Found
-from engine.model.verdicts import Feature
+from engine.model.verdicts import Feature, Spoilt
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.toplevel import made
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.verdicts.lying import Lying
-from engine.pipelines.verdicts.offers import Offer, offers
-from engine.pipelines.verdicts.worth import chance_of_decision
-from engine.stages.planning import Limits
-from kb.model.conditions import And, Condition, Literal, goal_parts
-from kb.model.conformity import COVERAGE, Conformity
+from kb.model.conditions import And, Condition, Exists, Literal, goal_parts
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.model.results import Measured
 from kb.terms import Atom, Function
 
-MOST = 5  # values of one feature
-PORTIONS = (
-    1.0,
-    0.5,
-    0.25,
-    0.1,
-)  # of those that could be decided which are planned together, the likeliest first
-
-
-@dataclass(frozen=True, slots=True)
-class Repeat:
-    """Measurements that are made again, by name with the reason, by which tools, and what is left undecided, with the reason."""
-
-    names: Mapping[str, str] = field(default_factory=dict)
-    tools: Mapping[str, str] = field(default_factory=dict)
-    why: str = ""
-    left: str = ""
+LOOKS = 12  # values of one datum
 
 
 def datums_asked(problem: Problem) -> tuple[str, ...]:
@@ -84,6 +63,38 @@ def located(problem: Problem, measured: Sequence[Measured]) -> tuple[tuple[str, 
     return datums.names, aligned(datums)
 
 
+@dataclass(frozen=True, slots=True)
+class Looks:
+    """Datums that are measured again before the part counts as found, with how often; `refused` says why that would not do."""
+
+    names: Mapping[str, int] = field(default_factory=dict)
+    told: str = ""
+    refused: str = ""
+
+
+def looks_needed(problem: Problem, measured: Sequence[Measured], found: Alignment) -> Looks | None:
+    """What a demand on how well the part is known (`aligned_within`) makes necessary; None if nothing is demanded, or it is met."""
+    import numpy as np
+
+    from engine.pipelines.points import points, with_places
+    from engine.pipelines.verdicts.lying import aligned_within_m, measured_datums, once_m
+    from engine.stages.fitting.looks import SURE, further_looks
+
+    within, datums = aligned_within_m(problem), measured_datums(problem, measured)
+    places = [point.position for point in points(with_places(problem))]
+    if within is None or datums is None or not places:
+        return None
+    sure = SURE * float(found.sigma_at(np.array(places)).max())
+    told = f"the part is known to {1e3 * sure:.3g} mm, and has to be to {1e3 * within:.3g} mm"
+    times = Counter(each.of for each in measured)
+    left = LOOKS - max(times[name] for name in datums.names)
+    looks = further_looks(found, datums, once_m(measured, datums.names), places, within, max(0, left))
+    if looks is None:
+        most = f"{LOOKS} values of each datum are not enough for that"
+        return Looks(refused=f"{told}; {most}: measure more datums, farther apart, or with a more exact tool")
+    return Looks(looks, told) if looks else None
+
+
 def moved(problem: Problem, lying: Lying) -> Problem:
     """The problem with its points where the part lies."""
     from engine.pipelines.verdicts.lying import displaced
@@ -91,111 +102,21 @@ def moved(problem: Problem, lying: Lying) -> Problem:
     return displaced(problem, lying.T)
 
 
-def judged(problem: Problem, measured: Sequence[Measured], lying: Lying | None) -> tuple[Feature, ...]:
+def judged(
+    problem: Problem, measured: Sequence[Measured], lying: Lying | None, spoilt: Collection[Spoilt] = ()
+) -> tuple[Feature, ...]:
     """All features that were measured. Without any uncertainty there is nothing to judge."""
     if not any(each.uncertainty for each in measured):
         return ()
     from engine.pipelines.verdicts.assessing import assessed
 
-    return assessed(problem, measured, lying)
+    return assessed(problem, measured, lying, spoilt)
 
 
 def facts_of(problem: Problem, names: Collection[str], facts: Collection[Atom]) -> list[Atom]:
     """The facts that say that these measurements are done."""
     words, places = problem.domain.conventions, {problem.domain.conventions.place(each) for each in names}
     return [f for f in facts if f.name == words.measured and str(f.arguments[-1]) in places]
-
-
-def repeats(
-    problem: Problem, features: Sequence[Feature], rest: Problem, limits: Limits, facts: Collection[Atom]
-) -> Repeat | None:
-    """What is worth being measured again, in the world of `rest`; None if nothing is."""
-    tried = {each.of: len(each.values) + len(each.bad) for each in features}
-    doubtful = {each.of: each.doubt for each in features if each.doubt and tried[each.of] < MOST}
-    undecided = [
-        each for each in features if each.conformity is Conformity.UNDECIDED and tried[each.of] < MOST
-    ]
-    found, left = _decisive(problem, undecided, list(doubtful), rest, limits, facts)
-    if not doubtful and not found:
-        return Repeat(left=left) if left else None
-    names = doubtful | {name: "it is undecided" for name in found}
-    return Repeat(names, {name: offer.tool for name, offer in found.items()}, _told(doubtful, found), left)
-
-
-def _told(doubtful: Mapping[str, str], found: Mapping[str, Offer]) -> str:
-    parts = [f"{len(doubtful)} doubtful"] if doubtful else []
-    return " and ".join([*parts, *([f"{len(found)} undecided"] if found else [])])
-
-
-@dataclass(frozen=True, slots=True)
-class _Gain:
-    """What another value of a feature by a tool is worth, in the domain's unit of time."""
-
-    feature: Feature
-    offer: Offer
-    worth: float
-
-
-def _decisive(
-    problem: Problem,
-    undecided: Sequence[Feature],
-    doubtful: Sequence[str],
-    rest: Problem,
-    limits: Limits,
-    facts: Collection[Atom],
-) -> tuple[dict[str, Offer], str]:
-    """The undecided features whose further values are worth the time that the planner needs for them, and why the others are left."""
-    gains = sorted(_gains(problem, undecided), key=lambda each: (-each.worth, each.feature.of))
-    if not gains:
-        return {}, f"{len(undecided)} undecided: no further value is worth anything" if undecided else ""
-    base = _takes(rest, {name: "" for name in doubtful}, limits, facts) if doubtful else 0.0
-    best, net = dict[str, Offer](), 0.0
-    told = ""
-    for share in PORTIONS:
-        some = gains[: max(1, round(share * len(gains)))]
-        tools = {each.feature.of: each.offer.tool for each in some}
-        lasts = _takes(rest, {name: "" for name in doubtful} | tools, limits, facts)
-        worth = sum(each.worth for each in some)
-        if lasts is None or base is None:
-            continue
-        told = (
-            told
-            or f"{len(some)} undecided: further values take {lasts - base:.0f} and are worth {worth:.0f} {problem.domain.time_unit}"
-        )
-        if worth - (lasts - base) > net:
-            best, net = {each.feature.of: each.offer for each in some}, worth - (lasts - base)
-        if share * len(gains) <= 1:
-            break
-    return best, "" if len(best) == len(undecided) else told
-
-
-def _gains(problem: Problem, undecided: Sequence[Feature]) -> list[_Gain]:
-    """For each feature the tool that most probably decides."""
-    found = []
-    for feature in undecided:
-        common = max(0.0, (feature.uncertainty or 0.0) ** 2 - _own(feature) ** 2) ** 0.5
-        each = [
-            _Gain(feature, offer, offer.worth * chance_of_decision(feature, offer.uncertainty, common))
-            for offer in offers(problem, feature)
-        ]
-        found += sorted((one for one in each if one.worth > 0), key=lambda one: -one.worth)[:1]
-    return found
-
-
-def _own(feature: Feature) -> float:
-    """The part of a feature's expanded uncertainty that is of its values alone."""
-    weights = sum((COVERAGE / each.uncertainty) ** 2 for each in feature.values if each.uncertainty)
-    return COVERAGE * float(weights**-0.5) if weights else 0.0
-
-
-def _takes(rest: Problem, tools: Mapping[str, str], limits: Limits, facts: Collection[Atom]) -> float | None:
-    """How long the planner needs to have measurements made again; None if there is no plan."""
-    found = made(reopened(rest, tools, facts), limits, "")
-    if not isinstance(found.outcome, Found):
-        return None
-    lasts = {step.id: step.duration for step in found.outcome.plan.steps}
-    starts = found.starts or {}
-    return float(max((starts.get(each, 0) + lasts[each] for each in lasts), default=0))
 
 
 def reopened(rest: Problem, tools: Mapping[str, str], facts: Collection[Atom]) -> Problem:
@@ -209,6 +130,12 @@ def reopened(rest: Problem, tools: Mapping[str, str], facts: Collection[Atom]) -
 def _by(rest: Problem, part: Condition, tools: Mapping[str, str]) -> Condition:
     """A goal with the tool that is named for its measurement."""
     tool = next((tools[name] for name in named(part, tools)), "")
-    if not tool or not isinstance(part, Literal) or part.atom.name != rest.domain.conventions.measured:
+    inner = part.part if isinstance(part, Exists) else part
+    if not tool or not isinstance(inner, Literal) or inner.atom.name != rest.domain.conventions.measured:
         return part
-    return Literal(replace(part.atom, arguments=(Function(tool), *part.atom.arguments[1:])), part.positive)
+    first, *others = inner.atom.arguments
+    told = Literal(replace(inner.atom, arguments=(Function(tool), *others)), inner.positive)
+    free = (
+        tuple(each for each in part.parameters if each.variable != first) if isinstance(part, Exists) else ()
+    )
+    return Exists(free, told) if free else told

@@ -8,24 +8,28 @@ from engine.model.cases import Revision
 from engine.model.execution import RecordKind
 from engine.model.fits import Alignment
 from engine.model.outcome import Found
+from engine.model.wording import counted
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.inspecting import (
+    Looks,
     datums_asked,
     facts_of,
     first_stage,
     judged,
     located,
+    looks_needed,
     moved,
     reopened,
-    repeats,
 )
 from engine.pipelines.execution.planned import Ready, ready
 from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.records import read_atom
+from engine.pipelines.execution.repeating import Repeat, repeats
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.toplevel import made
 from engine.pipelines.troubleshooting.recovery import recover
 from engine.pipelines.verdicts.lying import Lying, lying_of
+from engine.pipelines.verdicts.spoiling import standing
 from engine.stages.planning import Limits
 from kb.model.problem import Problem
 from kb.model.results import Measured
@@ -34,6 +38,7 @@ from kb.store.journal import Line
 ALIGNED, AGAIN = "aligned", "again"  # why there is another plan
 MISFIT = "not_aligned"  # the reply that the fault base knows for datums that fit nowhere
 ROUNDS = 6  # of repeated measurements
+SHOWN = 8  # names in a line
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +106,13 @@ class Inspector:
     def _aligned(
         self, problem: Problem, course: Progress, handler: ExceptionHandler, limits: Limits
     ) -> Further | GivesUp:
-        names, found = located(problem, course.values)
+        names, found = located(problem, standing(course.values, course.spoilt))
         if not isinstance(found, Alignment):
             course.recorder.note(RecordKind.ALIGNMENT, part=[], wrong=list(found.off), why=found.reason)
             return _misfit(course, handler, found.off, found.reason)
+        looks = looks_needed(problem, standing(course.values, course.spoilt), found)
+        if looks is not None:
+            return self._looked_at_again(looks, problem, course, handler, limits)
         content = {
             "part": [float(each) for each in found.T_measured_nominal[:3].ravel()],
             "centre": found.centre.tolist(),
@@ -119,12 +127,28 @@ class Inspector:
         _reopen(course, wrong, problem, "these datums disagree with the others")
         return self._planned(course, handler, handler.scope.rest(course.world.state), limits, ALIGNED)
 
+    def _looked_at_again(
+        self, looks: Looks, problem: Problem, course: Progress, handler: ExceptionHandler, limits: Limits
+    ) -> Further | GivesUp:
+        """Measure datums once more, because the part is not known as well as it has to be; or give up if that would not help."""
+        if looks.refused:
+            course.recorder.note(RecordKind.ALIGNMENT, part=[], wrong=[], why=looks.refused)
+            return GivesUp(looks.refused, stops=False)
+        names = {name: {"why": looks.told, "tool": ""} for name in looks.names}
+        what = f"measured again: {counted(len(names), 'datum')}"
+        course.recorder.note(RecordKind.DECISION, what=what, why=looks.told, again=names)
+        handler.story.append(f"{what}; {looks.told}")
+        rest, facts = handler.scope.rest(course.world.state), course.world.facts
+        again = reopened(rest, dict.fromkeys(names, ""), facts)
+        _reopen(course, list(names), problem, "they are measured again")
+        return self._planned(course, handler, again, limits, AGAIN)
+
     def _again(
         self, problem: Problem, course: Progress, handler: ExceptionHandler, limits: Limits
     ) -> Further | None:
         if self.rounds >= ROUNDS:
             return None
-        features = judged(problem, course.values, self._lying())
+        features = judged(problem, course.values, self._lying(), course.spoilt)
         rest, facts = handler.scope.rest(course.world.state), course.world.facts
         found = repeats(problem, features, rest, limits, facts)
         if found is None:
@@ -138,9 +162,10 @@ class Inspector:
         tools = {name: found.tools.get(name, "") for name in found.names}
         again = reopened(rest, tools, facts)
         _reopen(course, list(found.names), problem, "they are measured again")
-        course.recorder.note(
-            RecordKind.DECISION, what=f"measured again: {found.why}", why=_reasons(found.names)
-        )
+        names = {name: {"why": why, "tool": tools[name]} for name, why in found.names.items()}
+        told = "; ".join(each for each in (found.why, _reasons(found.names)) if each)
+        course.recorder.note(RecordKind.DECISION, what=f"measured again: {found.what}", why=told, again=names)
+        handler.story.append(_story(found))
         made_ = self._planned(course, handler, again, limits, AGAIN)
         return made_ if isinstance(made_, Further) else None
 
@@ -181,6 +206,12 @@ def _reopen(course: Progress, names: Sequence[str], problem: Problem, why: str) 
     course.recorder.note(
         RecordKind.WORLD, why=why, adds=[], ends=sorted(map(str, gone)), reached=dict(course.world.reached)
     )
+
+
+def _story(found: Repeat) -> str:
+    """What is measured again and why, in a line."""
+    named = ", ".join(sorted(found.names)[:SHOWN]) + (", ..." if len(found.names) > SHOWN else "")
+    return f"measured again: {found.what} ({named})" + (f"; {found.why}" if found.why else "")
 
 
 def _reasons(names: Mapping[str, str]) -> str:

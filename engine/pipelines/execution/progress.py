@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 from engine.model.execution import Command, CommandKind, Phase, RecordKind, Reply, RunState
+from engine.model.verdicts import Spoilt
 from engine.pipelines.execution.commands import command_of
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.orders import Given, Orders
@@ -106,6 +107,7 @@ class Progress:
     memory: Memory = field(default_factory=Memory)
     measuring: Measuring | None = None
     values: list[Measured] = field(default_factory=list)  # all that were measured in the run
+    spoilt: list[Spoilt] = field(default_factory=list)  # those of them that do not count any more
     part: tuple[float, ...] = ()  # where the part lies, if it was found out
     done: set[int] = field(default_factory=set)
     written: Written = field(default_factory=Written)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.model.execution import Order, Phase, Record, RecordKind
+from engine.model.verdicts import Spoilt
 from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.inspector import ALIGNED, there
@@ -75,6 +76,7 @@ class Past:
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
     lying: Content = field(default_factory=dict)  # the record that says where the part lies
     measured: list[Measured] = field(default_factory=list)
+    spoilt: list[Spoilt] = field(default_factory=list)  # values that do not count any more
 
     def __post_init__(self) -> None:
         self.whole = self.scope.problem  # with what was added

@@ -83,7 +83,7 @@ class Execution:
         compiled, standing = taken_up(past, self.driver.lookahead, self.driver.now_ms())
         course = self._course(compiled, standing, past.world)
         restore(course, past)
-        course.values = list(past.measured)
+        course.values, course.spoilt = list(past.measured), list(past.spoilt)
         self.inspector.taken_up(past.lying, course)
         handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
         return self.guarded(course, past.scope, handler=handler, past=past)

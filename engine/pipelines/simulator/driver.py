@@ -254,8 +254,8 @@ def fault_base(problem: Problem) -> FaultModel | None:
 def simulator(setup: DriverSetup) -> Simulator:
     """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth. Raises `InvalidInput`."""
     settings = settings_of(setup)
-    cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
-    cell.truth = truth_of(setup)
+    truth = truth_of(setup)
+    cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed, truth=truth)
     return Simulator(cell, settings)
 
 

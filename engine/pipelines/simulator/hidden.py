@@ -65,7 +65,8 @@ class HiddenCell:
         self.domain = CellDomain(self.problem)
         start = self.dynamics.start()
         self._know(start)
-        self._memory = Memory.of(self.model if self.injections or self.body else None)
+        known = self.injections or self.body or (self.truth is not None and self.truth.drifting)
+        self._memory = Memory.of(self.model if known else None)
 
     def _know(self, state: WorldState) -> None:
         self.world = SymbolicWorld(self.problem.chains, set(state.facts), dict(state.reached))
@@ -76,7 +77,7 @@ class HiddenCell:
         step = _instance(text)
         for name in {str(step): None, step.name: None}:  # one name, if it has no arguments
             self.times[name] = self.times.get(name, 0) + 1
-        if (found := self._injected(step)) is not None:
+        if (found := self._injected(step) or self._drifted(step)) is not None:
             return self._fail(step, *found)
         if (failing := self._failing(step)) is not None:
             return failing
@@ -87,12 +88,22 @@ class HiddenCell:
                 return self._shown(step, self.body, before, after)
         if self._refused(step):
             return self._blind(step)
+        if self.truth is not None:
+            self.truth.drifting.calibrated(step)
         return self._sensed(step, expects) or self._reply(step, expects, part)
 
     def _sensed(self, step: Function, expects: str) -> str:
         """The reply to a step that reads a sensor of a physical cell; empty for another one."""
         shown = reading_by(self.body, step) if expects.startswith("value(") else ""
         return f"value({shown})" if shown else ""
+
+    def _drifted(self, step: Function) -> tuple[Injection, Interruption] | None:
+        """How a calibration shows that its tool has drifted too far: by the exception that has the fewest causes beside this."""
+        cause = self.truth.drifting.found(step) if self.truth else None
+        if not cause or not self.model or any(cause in each.causes for each in self.faults):
+            return None
+        found = min(_exceptions(self.model, step, cause), key=lambda each: len(each.counts), default=None)
+        return None if found is None else (Injection(str(step), cause), found)
 
     def _injected(self, step: Function) -> tuple[Injection, Interruption] | None:
         for each in self.injections:
@@ -242,6 +253,8 @@ class HiddenCell:
         for fault in cured:
             before = self.world.state.facts
             self._know(fault.cell.cured(self.world.state, self.model.repairs[action]))
+            if self.truth is not None and (by := fault.cell.carried_out_by(self.model.repairs[action])):
+                self.truth.drifting.calibrated(by)
             self.faults.remove(fault)
             self.helped.append(action)
             if self.body is not None:
@@ -251,8 +264,7 @@ class HiddenCell:
     def _sound(self) -> Fault:
         """A cell in which no cause is there, for tests that are made all the same."""
         assert self.model is not None
-        name = next(iter(self.model.exceptions))
-        cell = FaultyCell(self.dynamics, self.model, name, {})
+        cell = FaultyCell(self.dynamics, self.model, next(iter(self.model.exceptions)), {})
         return Fault(cell, (), HiddenWorld(self.model, Hypothesis(()), random.Random(self.seed)))
 
     def say(self, choices: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ A file in JSON says so; here with remarks:
     values: {m1: 6350.2, m2: -31}  # true thicknesses, and how far surfaces are from where the model has them, in the unit of the measurement
     noise: {us_probe: 8}           # standard deviations, by tool
     bad: {m17: 95}                 # what is added to the first value of a measurement
+    drift: {probe: {...}}          # tools whose values drift until they are calibrated: see `drifting`
 
 A profile tells where the beam along the normal, from where the arm believes the point to be, meets the surface, which is flat there.
 """
@@ -24,14 +25,15 @@ from engine.model.geometry import Floats
 from engine.model.measurement import MeasurementPoint
 from engine.pipelines.measuring import Expected, Measuring
 from engine.pipelines.points import METRES, PROFILE, points, with_places
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from engine.pipelines.simulator.drifting import Drift, Drifting, drift_of
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import read_file
 from kb.json_text import parsed
 from kb.model.problem import Problem
 from kb.numbers import is_number
 from kb.terms import Function
 
-KEYS = ("shift_mm", "turn_deg", "values", "noise", "bad")
+KEYS = ("shift_mm", "turn_deg", "values", "noise", "bad", "drift")
 HINT = f"one JSON object with any of {', '.join(KEYS)}"
 Part = Sequence[float]
 
@@ -46,6 +48,7 @@ class Truth:
     noise: Mapping[str, float] = field(default_factory=dict)
     bad: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
+    drifting: Drifting = field(default_factory=Drifting)
 
     def __post_init__(self) -> None:
         self._measuring = Measuring(self.problem)
@@ -61,6 +64,7 @@ class Truth:
         chance = random.Random(f"{self.seed} {asked.of} {asked.quantity} {asked.tool} {time}")
         found = self._true(asked, part) + chance.gauss(0.0, self.noise.get(asked.tool, 0.0))
         found += self.bad.get(asked.of, 0.0) if time == 1 else 0.0
+        found += self.drifting.measured(asked.tool)
         return str(round(found)) if asked.unit in ("um", "nm") else f'"{found:.4f}"'
 
     def _true(self, asked: Expected, part: Part) -> float:
@@ -99,7 +103,24 @@ def read_truth(file: str, problem: Problem, seed: int) -> Truth:
         np.array(_numbers(file, said, key, 3) or (0.0, 0.0, 0.0)) for key in ("shift_mm", "turn_deg")
     )
     maps = {key: _mapped(file, said, key) for key in ("values", "noise", "bad")}
-    return Truth(problem, transform(turned(np.radians(turn)), 1e-3 * shift), seed=seed, **maps)
+    drifting = Drifting(_drifts(file, said, problem))
+    T = transform(turned(np.radians(turn)), 1e-3 * shift)
+    return Truth(problem, T, seed=seed, drifting=drifting, **maps)
+
+
+def _drifts(file: str, said: Mapping[str, Any], problem: Problem) -> dict[str, Drift]:
+    told, found = said.get("drift", {}), dict[str, Drift]()
+    if not isinstance(told, dict):
+        raise _refused(file, "`drift` does not say of each tool how it drifts")
+    operators = [each.name for each in problem.domain.operators]
+    for tool, entry in told.items():
+        drift = drift_of(entry)
+        if isinstance(drift, str):
+            raise _refused(file, f"`drift` of {tool}: {drift}")
+        if drift.calibrated_by not in operators:
+            raise InvalidInput([unknown_name("operator", drift.calibrated_by, operators, Source(file))])
+        found[str(tool)] = drift
+    return found
 
 
 def _numbers(file: str, said: Mapping[str, Any], key: str, count: int) -> tuple[float, ...]:

@@ -16,7 +16,7 @@ from engine.pipelines.revision.remaining import remaining
 from engine.pipelines.simulation import Dynamics, FaultyCell
 from engine.pipelines.troubleshooting.beliefs import Beliefs
 from engine.pipelines.troubleshooting.findings import Findings, first_repair
-from engine.pipelines.troubleshooting.given import Failed, Moment, Seen, moment_of, read_step
+from engine.pipelines.troubleshooting.given import Failed, Moment, Seen, moment_of, numbered, read_step
 from engine.pipelines.troubleshooting.preparations import WORK, Preparations, after
 from engine.pipelines.troubleshooting.recovery import Recovery, recover, told
 from engine.stages.diagnosis.knowledge import Objective, no_setup
@@ -123,7 +123,8 @@ def desk(
 ) -> Desk:
     """Open a case. Raises `InvalidInput`.
 
-    With the plan that failed, set-up and recovery begin where it was interrupted. `seen` corrects the state then.
+    With the plan that failed, set-up and recovery begin where it was interrupted, and `step` may be a number of the plan.
+    `seen` corrects the state then.
     """
     loaded = planning.loaded(find(target))
     model, _ = load_faults(Path(loaded.domain.path))
@@ -131,6 +132,8 @@ def desk(
         raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
     if wrong := list(too_many(model.exceptions[exception])):
         raise InvalidInput(wrong)
+    if failed is not None and step.isdecimal():
+        failed, step = numbered(replace(failed, step=step))
     taken = read_step(step, loaded, model.exceptions[exception])
     moment = moment_of(loaded, taken, failed, seen)
     counted = model.exceptions[exception].counts

@@ -115,6 +115,21 @@ def moment(
     return Moment(problem, rest, before, achieved, left, assumed, follows)
 
 
+def numbered(failed: Failed) -> tuple[Failed, str]:
+    """The step that is named by its number in the plan, as it is written there, and the steps before it as done unless they are given.
+
+    Raises `InvalidInput`.
+    """
+    _, plan = planning.plan_in(failed.file)
+    ids = [each.id for each in plan.steps]
+    if int(failed.step) not in ids:
+        hint = f"its steps are {ids[0]} to {ids[-1]}" if ids else "it has no steps"
+        raise InvalidInput([Diagnostic(STEP, "K410", f"the plan has no step {failed.step}", hint)])
+    place = ids.index(StepId(int(failed.step)))
+    step = str(plan.steps[place].operator)
+    return Failed(failed.file, step, failed.done or ", ".join(map(str, ids[:place]))), step
+
+
 def _done(plan: Plan, failed: Failed) -> list[StepId]:
     if failed.done:
         return read_done(failed.done, plan)
@@ -137,7 +152,9 @@ def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | 
     """The step that an exception interrupted; None if the text is empty. Raises `InvalidInput` for any other step."""
     if not text:
         return None
-    hint = f"write it as in a plan: {exception.operator or 'move(arm, table)'}"
+    hint = (
+        f"write it as in a plan: {exception.operator or 'move(arm, table)'}; with --plan, its number will do"
+    )
     try:
         found = ground_term(text)
     except AspError as error:

@@ -6,23 +6,24 @@ the part lies does not become surer by that.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from engine.kernels.rigid import apply
 from engine.model.measurement import MeasurementPoint
-from engine.model.verdicts import Feature
+from engine.model.verdicts import Feature, Spoilt
 from engine.pipelines.points import METRES, PROFILE, points, with_places
+from engine.pipelines.verdicts.averaging import agreeing, mean, sigma_of
 from engine.pipelines.verdicts.lying import Lying
+from engine.pipelines.verdicts.spoiling import set_aside, standing
 from engine.stages.fitting.consistency import expected
 from kb.model.conformity import COVERAGE
 from kb.model.problem import Problem
 from kb.model.results import Measured
 
 SUSPECT = 3.0  # standard deviations from what the neighbours let expect; so an error of six is caught
-AGREES = 3.0  # standard deviations between two values of the same feature
 Key = tuple[str, str]  # of what, and which quantity
 
 
@@ -40,12 +41,27 @@ class _Known:
 
 
 def assessed(
-    problem: Problem, measured: Sequence[Measured], lying: Lying | None = None
+    problem: Problem,
+    measured: Sequence[Measured],
+    lying: Lying | None = None,
+    spoilt: Collection[Spoilt] = (),
 ) -> tuple[Feature, ...]:
-    """What was measured of each feature, in the order in which they were first measured."""
-    known = _by_feature(problem, measured, lying)
-    off = _off(known)
-    return tuple(_feature(each, off[key], lying) for key, each in known.items())
+    """What was measured of each feature, in the order in which they were first measured. Spoilt values count for nothing."""
+    known = _by_feature(problem, standing(measured, spoilt), lying)
+    off, aside = _off(known), set_aside(measured, spoilt)
+    found = {key: _feature(each, off[key], lying) for key, each in known.items()}
+    order = dict.fromkeys((each.of, each.quantity) for each in measured)
+    return tuple(_with_spoilt(found.get(key), aside.get(key, [])) for key in order)
+
+
+def _with_spoilt(found: Feature | None, aside: Sequence[tuple[Measured, str]]) -> Feature:
+    """A feature with the values that do not count any more; in doubt as long as it has no others."""
+    bad = tuple((each, f"{why} has put it in doubt") for each, why in aside)
+    if found is not None:
+        return replace(found, bad=(*bad, *found.bad)) if bad else found
+    last, why = aside[-1]
+    demand = (last.unit, last.nominal, last.lower, last.upper, last.risk)
+    return Feature(last.of, last.quantity, *demand, bad=bad, doubt=f"{why} has put its values in doubt")
 
 
 def _by_feature(problem: Problem, measured: Sequence[Measured], lying: Lying | None) -> dict[Key, _Known]:
@@ -86,43 +102,12 @@ def _unsure(measured: Measured, point: MeasurementPoint | None, lying: Lying | N
     return lying.sigma_along(np.array(point.position), np.array(point.normal)) / METRES[measured.unit]
 
 
-def _sigma(measured: Measured) -> float:
-    return (measured.uncertainty or 0.0) / COVERAGE
-
-
-def _agreeing(values: Sequence[Measured]) -> tuple[tuple[int, ...], ...]:
-    """The largest sets of values that agree with each other; several if none is the largest. Without uncertainty the last counts."""
-    if len(values) == 1 or not all(map(_sigma, values)):
-        return ((len(values) - 1,),)
-    groups = set[tuple[int, ...]]()
-    order = sorted(range(len(values)), key=lambda each: values[each].value)
-    for place, first in enumerate(order):
-        span = [first]
-        for other in order[place + 1 :]:
-            wide = AGREES * math.hypot(_sigma(values[first]), _sigma(values[other]))
-            if values[other].value - values[first].value <= wide:
-                span.append(other)
-        groups.add(tuple(sorted(span)))
-    most = max(map(len, groups))
-    return tuple(sorted(each for each in groups if len(each) == most))
-
-
-def _mean(values: Sequence[Measured], chosen: Sequence[int]) -> tuple[float, float]:
-    """The mean of some values, weighed by their standard deviations, and the standard deviation of it; 0 if none is known."""
-    some = [values[each] for each in chosen]
-    if not all(map(_sigma, some)):
-        return some[-1].value, 0.0
-    weights = [1.0 / _sigma(each) ** 2 for each in some]
-    total = sum(weights)
-    return sum(w * each.value for w, each in zip(weights, some, strict=True)) / total, total**-0.5
-
-
 def _off(known: Mapping[Key, _Known]) -> dict[Key, tuple[float, ...] | None]:
     """How far each value of each feature is from what its neighbours let expect, in standard deviations; None if they tell nothing."""
     found: dict[Key, tuple[float, ...] | None] = dict.fromkeys(known)
     surfaces = dict[tuple[str, str, float | None], list[Key]]()
     for key, each in known.items():
-        if each.point is not None and all(map(_sigma, each.values)):
+        if each.point is not None and all(map(sigma_of, each.values)):
             surfaces.setdefault((each.last.quantity, each.last.unit, each.last.nominal), []).append(key)
     for keys in surfaces.values():
         found |= _beside(known, keys)
@@ -134,14 +119,14 @@ def _beside(known: Mapping[Key, _Known], keys: Sequence[Key]) -> dict[Key, tuple
     at = np.array([each.position for each in places if each is not None])
     along = np.array([each.normal for each in places if each is not None], float)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    groups = [_agreeing(known[key].values) for key in keys]
-    means = [_mean(known[key].values, each[0]) for key, each in zip(keys, groups, strict=True)]
+    groups = [agreeing(known[key].values) for key in keys]
+    means = [mean(known[key].values, each[0]) for key, each in zip(keys, groups, strict=True)]
     first, sigma = np.array(means).T
     hopes = expected(at, along, first, sigma, np.array([len(each) == 1 for each in groups]))
     told: dict[Key, tuple[float, ...] | None] = {}
     for number, key in enumerate(keys):
         hope, unsure = float(hopes.value[number]), float(hopes.sigma[number])
-        off = ((each.value - hope) / math.hypot(_sigma(each), unsure) for each in known[key].values)
+        off = ((each.value - hope) / math.hypot(sigma_of(each), unsure) for each in known[key].values)
         told[key] = tuple(off) if hopes.known[number] else None
     return told
 
@@ -151,16 +136,16 @@ def _chosen(each: _Known, off: tuple[float, ...] | None, disagrees: bool) -> tup
 
     Those that the neighbours explain count; if these explain none, or tell nothing, those that agree with each other.
     """
-    groups = _agreeing(each.values)
+    groups = agreeing(each.values)
     usual = tuple(n for n, far in enumerate(off or ()) if abs(far) <= SUSPECT)
     if usual and not (disagrees and len(each.values) == 1):
         return usual, ""
     first = groups[0]
     if len(first) > 1 and len(groups) == 1:
         return first, ""
-    if len(each.values) > 1 and _sigma(each.last):
+    if len(each.values) > 1 and sigma_of(each.last):
         return first, f"{len(each.values)} values disagree"
-    if disagrees and _sigma(each.last):
+    if disagrees and sigma_of(each.last):
         return first, "it disagrees with the other datums"
     if off is None:
         return first, ""
@@ -174,8 +159,8 @@ def _feature(each: _Known, off: tuple[float, ...] | None, lying: Lying | None) -
     some = replace(each, values=tuple(each.values[n] for n in used))
     places, doubt = _chosen(some, None if off is None else tuple(off[n] for n in used), not right)
     chosen = tuple(used[n] for n in places)
-    value, sigma = _mean(each.values, chosen)
-    bad = [(one, _why_bad(n, off)) for n, one in enumerate(each.values) if n not in chosen and _sigma(one)]
+    value, sigma = mean(each.values, chosen)
+    bad = [(one, _why_bad(n, off)) for n, one in enumerate(each.values) if n not in chosen and sigma_of(one)]
     unsure = COVERAGE * math.hypot(sigma, each.sigma_lying) if sigma else None
     counted = tuple(each.values[number] for number in chosen)
     demand = (last.unit, last.nominal, last.lower, last.upper, last.risk)

@@ -14,7 +14,7 @@ from engine.model.fits import Datums
 from engine.model.geometry import Floats
 from engine.model.measurement import MeasurementPoint
 from engine.pipelines.points import METRES, PROFILE, points, with_places
-from kb.model.conformity import COVERAGE
+from engine.pipelines.verdicts.averaging import agreeing, mean, sigma_of
 from kb.model.problem import Problem
 from kb.model.results import Measured
 from kb.terms import Function, Number
@@ -80,19 +80,36 @@ def datums(found: Sequence[tuple[MeasurementPoint, float]], sigma_m: Sequence[fl
 
 
 def measured_datums(problem: Problem, measured: Sequence[Measured]) -> Datums | None:
-    """The datums of the alignment's steps with their last values; None if one is missing, or nobody said how uncertain it is."""
+    """The datums of the alignment's steps, each with the mean of its values that agree; None if one is missing, or nobody said how sure it is."""
     asked, known = alignment_asked(problem), datum_points(problem)
-    last = {each.of: each for each in measured}
+    values = dict[str, list[Measured]]()
+    for each in measured:
+        values.setdefault(each.of, []).append(each)
     found, sigma = list[tuple[MeasurementPoint, float]](), list[float]()
     for name in asked:
         if name not in known:
             continue
-        value = last.get(name)
-        if value is None or not value.uncertainty or value.unit not in METRES:
+        own = values.get(name, [])
+        if not own or not own[-1].uncertainty or own[-1].unit not in METRES:
             return None
-        found.append((known[name], deviation_m(value)))
-        sigma.append(value.uncertainty / COVERAGE * METRES[value.unit])
+        value, sure = mean(own, max(agreeing(own), key=max))
+        found.append((known[name], (value - (own[-1].nominal or 0.0)) * METRES[own[-1].unit]))
+        sigma.append(sure * METRES[own[-1].unit])
     return datums(found, sigma) if found else None
+
+
+def once_m(measured: Sequence[Measured], names: Sequence[str]) -> Floats:
+    """The standard deviations (n,) in metres of one more value of each of some measurements, as of its last one."""
+    last = {each.of: each for each in measured}
+    return np.array([sigma_of(last[name]) * METRES[last[name].unit] for name in names])
+
+
+def aligned_within_m(problem: Problem) -> float | None:
+    """How well every measured point has to be known once the part is aligned: two standard deviations, in metres; None if nobody says."""
+    words = problem.domain.conventions
+    told = [each.arguments[0] for each in problem.statics if each.name == words.aligned_within]
+    numbers = [each.value for each in told if isinstance(each, Number)]
+    return 1e-6 * min(numbers) if numbers else None
 
 
 def deviation_m(measured: Measured) -> float:

@@ -1,10 +1,12 @@
 """What a run has shown of a part, from its results and its journal: coverage, verdicts, and where the part lay."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from engine.model.measurements import chooses_tools, measurements_of, wanted
-from engine.model.verdicts import Survey, Unmeasured
+from engine.model.verdicts import Spoilt, Survey, Unmeasured
 from engine.pipelines.points import points, with_places
 from engine.pipelines.verdicts.assessing import assessed
 from engine.pipelines.verdicts.lying import lying_in
@@ -20,16 +22,20 @@ def survey(
     alignments: Iterable[tuple[Content, int]] = (),
     given_up: Iterable[tuple[str, str]] = (),
     impossible: Mapping[str, str] | None = None,
+    spoilt: Collection[Spoilt] = (),
+    again: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Survey | None:
     """The survey of a run; None for a problem without measurements.
 
     `alignments` are its records about where the part lies, each with its time, the last one last. `given_up` are goals with reasons,
-    `impossible` measurements that no tool can take.
+    `impossible` measurements that no tool can take, `spoilt` values that were found not to count,
+    `again` why measurements were made again.
     """
     if not chooses_tools(problem.domain):
         return None
     found, refused = lying_in(alignments)
-    features = assessed(problem, results.measured, found)
+    judged = assessed(problem, results.measured, found, spoilt)
+    features = tuple(replace(each, again=tuple(again.get(each.of, ()))) for each in judged)
     done = {each.of for each in features}
     why = _reasons(problem, given_up, impossible or {})
     missing = tuple(Unmeasured(name, why[name]) for name in measurements_of(problem) if name not in done)

@@ -56,6 +56,16 @@ def sure_enough(found: Aligning, places: Sequence[Triple], within_m: float | Non
     )
 
 
+def information(found: Alignment, datums: Datums, sigma_m: Floats) -> Floats:
+    """What one look at each datum (n, 6, 6), with a standard deviation of its own, tells of the part about the centre of the used ones."""
+    moved = found.T_measured_nominal
+    every = Datums(datums.names, datums.nominal, datums.normals, datums.measured, sigma_m, datums.whole)
+    rows = _rows(every, moved, apply(moved, found.centre[None])[0])
+    told = np.zeros((len(datums.names), 6, 6))
+    np.add.at(told, rows.of, rows.by[:, :, None] * rows.by[:, None, :])
+    return told
+
+
 def _agreed(datums: Datums) -> tuple[Floats, Truths]:
     """The displacement T (4, 4) with which most datums agree, and those that do (n,)."""
     found = [_settled(datums, each) for each in _tried(datums)]
@@ -119,9 +129,9 @@ class _Rows:
     of: Longs
 
 
-def _rows(datums: Datums, T: Floats) -> _Rows:
-    """The rows about the centre of the datums, for a part displaced by T."""
-    centre = apply(T, datums.nominal.mean(axis=0, keepdims=True))[0]
+def _rows(datums: Datums, T: Floats, about: Floats | None = None) -> _Rows:
+    """The rows about a point (3,), or the centre of the datums, for a part displaced by T."""
+    centre = apply(T, datums.nominal.mean(axis=0, keepdims=True))[0] if about is None else about
     placed, normals = apply(T, datums.nominal), datums.normals @ T[:3, :3].T
     gap = datums.measured - placed
     surface, whole = np.flatnonzero(~datums.whole), np.flatnonzero(datums.whole)

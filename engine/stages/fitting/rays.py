@@ -14,8 +14,6 @@ from engine.model.geometry import Floats, Truths
 from engine.stages.fitting.distances import distances, normals
 
 GRAZING = 0.05  # cosine: along a beam flatter than this the range means little
-STEPS = 4  # of Newton, along a beam
-MET_M = 1e-8  # from the surface: the beam has met it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,26 +31,42 @@ class Met:
 
 
 def met(shape: Shape, points: Floats, beams: Floats, radius_m: float, angle_rad: float) -> Met:
-    """Where beams (n, 3), unit vectors, through measured points (n, 3) meet a shape with one row of distances, in its own frame."""
-    first = behind = _step(shape, points, beams, radius_m, angle_rad)
-    for _ in range(STEPS - 1):
-        behind = behind + _step(shape, points - beams * behind[:, None], beams, radius_m, angle_rad)
+    """Where beams (n, 3), unit vectors, through measured points (n, 3) meet a shape with one row of distances, in its own frame.
+
+    Of two places it is the one that is nearer to the measured point.
+    """
+    half, middle, free = _quadratic(shape, points, beams, radius_m, angle_rad)
+    under = middle * middle - half * free
+    meets = under >= 0.0
+    divisor = middle + np.copysign(np.sqrt(np.where(meets, under, 0.0)), middle)
+    behind = free / np.where(divisor == 0.0, np.inf, divisor)
     feet = points - beams * behind[:, None]
     facing = _facing(shape, feet, beams, angle_rad)
-    left = np.abs(_off(shape, feet, radius_m, angle_rad))
-    hit = (left <= MET_M) & (np.abs(facing) >= GRAZING)
-    flat = _steep(_facing(shape, points, beams, angle_rad))
-    return Met(
-        np.where(hit[:, None], feet, points), np.where(hit, behind, first), np.where(hit, facing, flat), hit
-    )
+    hit = meets & (np.abs(facing) >= GRAZING)
+    if shape is Shape.CONE:
+        hit &= radius_m + feet[:, 2] * np.tan(angle_rad) > 0.0
+    if not hit.all():
+        flat = _steep(_facing(shape, points, beams, angle_rad))
+        behind = np.where(hit, behind, _off(shape, points, radius_m, angle_rad) / flat)
+        feet, facing = np.where(hit[:, None], feet, points), np.where(hit, facing, flat)
+    return Met(feet, behind, facing, hit)
 
 
-def _step(shape: Shape, points: Floats, beams: Floats, radius_m: float, angle_rad: float) -> Floats:
-    """How far (n,) points lie behind the tangent plane beside them, along their beams."""
-    found: Floats = _off(shape, points, radius_m, angle_rad) / _steep(
-        _facing(shape, points, beams, angle_rad)
-    )
-    return found
+def _quadratic(
+    shape: Shape, points: Floats, beams: Floats, radius_m: float, angle_rad: float
+) -> tuple[Floats, Floats, Floats]:
+    """a, b, c (n,) of a s^2 - 2 b s + c = 0, whose s is how far the points lie behind a shape along their beams."""
+    if shape is Shape.PLANE:
+        return np.zeros(len(points)), 0.5 * beams[:, 2], points[:, 2]
+    # The surface is x^2 + y^2 + up z^2 = radius^2 + 2 wider z.
+    slope = float(np.tan(angle_rad)) if shape is Shape.CONE else 0.0
+    up = {Shape.SPHERE: 1.0, Shape.CYLINDER: 0.0, Shape.CONE: -slope * slope}[shape]
+    wider = radius_m * slope
+    (x, y, z), (dx, dy, dz) = points.T, beams.T
+    half = dx * dx + dy * dy + up * dz * dz
+    middle = x * dx + y * dy + up * z * dz - wider * dz
+    free = x * x + y * y + up * z * z - radius_m * radius_m - 2.0 * wider * z
+    return half, middle, free
 
 
 def _steep(facing: Floats) -> Floats:

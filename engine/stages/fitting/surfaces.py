@@ -18,11 +18,9 @@ from engine.stages.fitting.starts import SAMPLE, Guess, guesses
 
 BELONGS = 3.5  # standard deviations: a point farther off does not belong to the shape
 USUAL = 4.0  # times the median: until a shape has settled, a point farther off does not belong to it
-STARTS, ROUNDS, STEPS = (
-    4,
-    12,
-    25,
-)  # guesses that are refined, choices of points, steps of least squares for each choice
+STARTS, ROUNDS, STEPS = 4, 12, 25  # guesses that are refined, choices of points, steps for each choice
+ENOUGH = 400  # points that guesses are compared over
+SEED = 20261123
 SHORTER = (1.0, 0.5, 0.25, 0.1, 0.02)  # parts of a step that are tried, until one is no worse
 PASSES = 2  # of taking out what a wide beam does: the first begins from a shape that it has moved
 SHARE = 0.5  # of the points that must belong
@@ -35,20 +33,40 @@ def fitted(shape: Shape, cloud: Cloud) -> Fitting:
     """The shape to which most of the points belong, or why there is none."""
     if (reason := _senseless(shape, cloud)) is not None:
         return Unfitted(reason)
-    every = np.ones(len(cloud.points), bool)
-    found = [_settled(shape, cloud, every, each) for each in guesses(shape, cloud, STARTS)]
-    kept = [each for each in found if each is not None]
-    if not kept:
+    best = _best(shape, cloud)
+    if best is None:
         return Unfitted(f"no {shape} goes through the points")
-    best = max(kept, key=lambda each: (int(each.used.sum()), -each.chi2))
     for _ in range(PASSES if cloud.beam_m is not None else 0):
-        at = Guess(best.T_world_shape, np.asarray(best.radius_m), np.asarray(best.angle_rad))
+        at = _guess(best)
         best = _settled(shape, *narrowed(shape, cloud, at), at) or best
     share = float(best.used.mean())
     if share < SHARE:
         return Unfitted(f"only {share:.0%} of the points lie on one {shape}")
     vague = _vague(best)
     return Unfitted(f"the points show too little of the {shape}: {vague}") if vague else best
+
+
+def _best(shape: Shape, cloud: Cloud) -> Fit | None:
+    """The shape that most points belong to, of those that guesses lead to; None if they lead to none.
+
+    Where there are many points, the guesses are compared over some of them, and only the best one goes on with all.
+    """
+    every = np.ones(len(cloud.points), bool)
+    some = every.copy()
+    if len(cloud.points) > ENOUGH:
+        some[:] = False
+        some[np.random.default_rng(SEED).choice(len(cloud.points), ENOUGH, replace=False)] = True
+    part = _some(cloud, some)
+    found = [_settled(shape, part, some[some], each) for each in guesses(shape, part, STARTS)]
+    kept = sorted((each for each in found if each is not None), key=lambda e: (-int(e.used.sum()), e.chi2))
+    if some.all():
+        return kept[0] if kept else None
+    led = (_settled(shape, cloud, every, _guess(each)) for each in kept)
+    return next((each for each in led if each is not None), None)
+
+
+def _guess(fit: Fit) -> Guess:
+    return Guess(fit.T_world_shape, np.asarray(fit.radius_m), np.asarray(fit.angle_rad))
 
 
 def _vague(fit: Fit) -> str:
@@ -175,9 +193,10 @@ def _least_squares(shape: Shape, cloud: Cloud, at: Guess, used: Truths) -> Guess
 
 
 def _some(cloud: Cloud, used: Truths) -> Cloud:
-    beams = (cloud.directions, cloud.beam_m, cloud.pointing_m)
-    directions, beam, pointing = (None if each is None else each[used] for each in beams)
-    return Cloud(cloud.points[used], cloud.sigma_m[used], directions, beam, pointing)
+    beams = (cloud.directions, cloud.beam_m, cloud.pointing_m, cloud.range_m)
+    return Cloud(
+        cloud.points[used], cloud.sigma_m[used], *(None if each is None else each[used] for each in beams)
+    )
 
 
 def _moved(shape: Shape, at: Guess, step: Floats) -> Guess:

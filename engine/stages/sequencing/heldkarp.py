@@ -20,17 +20,15 @@ if TYPE_CHECKING:
     from engine.stages.sequencing.kernels.graphs import Graph
 
 GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
-# Parts of the steps, in eighths, and the share of each at its beginning and its end. Before and after each, edges that are
-# lacking are added.
-ROUNDS = (
-    (0, 1.0, 1.0),
-    (2, 0.1, 0.02),
-    (2, 0.02, 0.004),
-    (2, 0.01, 0.001),
-    (2, 0.004, 0.0001),
-    (1, 0.001, 0.0001),
-)
-AT_ONCE = ((8, 0.1, 0.0001),)  # the parts for so many cities that nobody looks for lacking edges
+# Rounds of the ascent: how many steps as a share of those that suit the cities, and the share of what is lacking that a step
+# makes up for, at its beginning and its end. After each round edges that are lacking are added.
+CLUSTERED = 1.5  # the same share for the ascent over clusters, which comes first
+ROUNDS = ((1.0, 1.0, 0.01), (0.5, 0.03, 0.001), (0.25, 0.003, 0.0003), (0.1, 0.001, 0.0003))
+AT_ONCE = ((1.0, 0.1, 0.0001),)  # the rounds for so many cities that nobody looks for lacking edges
+AIM, LITTLE = (
+    0.03,
+    0.001,
+)  # of the tour: how far above the best bound a step aims at the most, and the least that is made up for
 MEMORY = 0.97  # of the average, at each step
 STEPS, EFFORT = 4000, 1_500_000  # steps of the ascent: at most so many, or so many cities looked at
 DENSE = 12_000  # up to this number of cities all edges are counted one by one
@@ -92,9 +90,11 @@ def bound(
     edges = _edges(costs, np.concatenate(first))
     steps = max(20, min(STEPS, effort // n))
     places = n - opened
-    penalty = _coarsely(edges, np.zeros(n), places, float(upper), steps, interrupted)
-    for part, *shares in ROUNDS if n <= DENSE or costs.metric is None else AT_ONCE:
-        penalty = _averaged(edges, penalty, float(upper), steps * part // 8, shares, interrupted)
+    whole = n <= DENSE or costs.metric is None
+    first_steps = int(steps * CLUSTERED) if whole else steps
+    penalty = _coarsely(edges, np.zeros(n), places, float(upper), first_steps, interrupted)
+    for part, *shares in ROUNDS if whole else AT_ONCE:
+        penalty = _averaged(edges, penalty, float(upper), int(steps * part), shares, interrupted)
         if interrupted() and (n > QUICK or np.isfinite(best)):
             break
         value, codes = _of_all(costs, penalty, edges)
@@ -173,7 +173,8 @@ def _averaged(
     """The penalties (n,) of the best bound, by steps along an average of what the last trees say (Barahona & Anbil 2000).
 
     A single tree says too much: from one step to the next its edges leap to and fro between clusters. A step is a share of
-    what is lacking to `upper` (Held & Karp 1971). It falls from the first of the `shares` to the last, as in annealing.
+    what is lacking (Held & Karp 1971), which falls from the first of the `shares` to the last, as in annealing. What is lacking
+    is not told by `upper` alone, as the tour may be poor: nobody aims far above the best bound so far.
     """
     degree, kept, best = np.zeros(len(penalty), np.int32), penalty, -np.inf
     average: Floats = np.zeros(len(penalty))
@@ -186,7 +187,8 @@ def _averaged(
             break
         average = MEMORY * average + (1 - MEMORY) * turn
         square = float(np.cumsum(average * average)[-1])  # the same figure on every processor
-        size = min(share * (upper - value) / square, upper / len(penalty))
+        lacking = min(upper, best + AIM * upper) - value
+        size = min(share * max(lacking, LITTLE * upper) / square, upper / len(penalty))
         penalty = penalty + np.rint(GRAIN * size * average) / GRAIN
     return kept
 

@@ -53,7 +53,7 @@ def cloud_of(image: RangeImage, edges: Edges, window: Window) -> Cloud:
     metres = image.range_m[used]
     beam_m, pointing_m = image.tool.beam_rad / 4.0 * metres, image.tool.pointing_rad * metres
     noise_m = image.tool.noise_m / _usual_strength(image, used)[used]
-    return Cloud(image.points[used], noise_m, image.beams[used], beam_m, pointing_m)
+    return Cloud(image.points[used], noise_m, image.beams[used], beam_m, pointing_m, metres)
 
 
 def _usual_strength(image: RangeImage, used: Truths) -> Floats:

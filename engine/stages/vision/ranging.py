@@ -93,8 +93,9 @@ def _at_beams(wave: Waves, tool: Ranging, finer: int, random: np.random.Generato
     off = tool.pointing_rad * picture_of(tool).focal_px
     at = np.mgrid[: tool.height, : tool.width] + off * random.normal(size=(2, tool.height, tool.width))
     at = finer * (at + MARGIN_PX) + (finer - 1) / 2
-    found: Waves = ndimage.map_coordinates(real, at, order=1) + 1j * ndimage.map_coordinates(
-        imaginary, at, order=1
+    # Lines between samples would make each beam wider than it is; cubic splines do not.
+    found: Waves = ndimage.map_coordinates(real, at, order=3) + 1j * ndimage.map_coordinates(
+        imaginary, at, order=3
     )
     return found
 
@@ -116,11 +117,11 @@ def resolved(image: RangeImage, expected_m: Floats, sigma_m: float) -> Resolving
             f" (standard deviation); it is to {1e3 * sigma_m:.3g} mm"
         )
     wide = _reach_px(image, expected_m, sigma_m)
-    stepped = _stepped(expected_m, 2.0 * SURE * sigma_m, wide)
+    limit = min(SURE * float(np.hypot(sigma_m, image.tool.noise_m)), cycle / 2.0)
+    stepped = _stepped(expected_m, limit, wide)
     expected_m = _spread(expected_m, wide)
     times = np.rint((expected_m - image.range_m) / cycle)
     whole = image.range_m + cycle * times
-    limit = min(SURE * float(np.hypot(sigma_m, image.tool.noise_m)), cycle / 2.0)
     known = (image.range_m > 0) & (expected_m > 0) & (whole > 0)
     known &= stepped | (np.abs(whole - expected_m) <= limit)
     return _kept(image, whole, known)
@@ -136,11 +137,13 @@ def _reach_px(image: RangeImage, expected_m: Floats, sigma_m: float) -> int:
 
 
 def _stepped(expected_m: Floats, by_m: float, wide: int) -> Truths:
-    """The pixels (h, w) that are at most `wide` from where expected ranges differ by more than `by_m`, or end."""
-    high = ndimage.maximum_filter(expected_m, 2 * wide + 1, mode="nearest")
-    low = ndimage.minimum_filter(expected_m, 2 * wide + 1, mode="nearest")
-    # Beside its middle a leaning surface goes as far up as down.
-    found: Truths = high - low > by_m + 2.0 * np.median(high - low)
+    """The pixels (h, w) that are at most `wide` from where the expected ranges of neighbours differ by more than `by_m`, or end."""
+    apart = ndimage.maximum_filter(expected_m, 3, mode="nearest") - ndimage.minimum_filter(
+        expected_m, 3, mode="nearest"
+    )
+    # Ranges of a leaning surface differ from pixel to pixel, too.
+    step = apart > by_m + 2.0 * np.median(apart)
+    found: Truths = ndimage.binary_dilation(step, np.ones((2 * wide + 1,) * 2))
     return found
 
 

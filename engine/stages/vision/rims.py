@@ -20,18 +20,29 @@ SHARES = (0.1, 0.9)  # of the beam: outside of these, noise decides
 VAGUE = 0.05  # standard deviation of a share
 SURFACE = 0.75  # as much of a beam meets the surface where the pixel counts as on it
 SMOOTH_PX = 1.5
+STRANGE, LEANING = (
+    6.0,
+    0.03,
+)  # deviations of the signal, and part of both signals' difference, that a mixture may be off
 LEAST_PX = 0.1  # the least standard deviation of a beam across which a rim can be told from its signal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rim:
-    """Points of a rim in the frame of the eye, with their deviations away from the surface, and the width of a beam there.
+    """Points of a rim in the frame of the eye, with their deviations, and how they follow from pixels and directions in the picture.
 
-    `beam_m` is the standard deviation of the beam's intensity on the plane.
+    `pixels` (n, 2), as (u, v), are where beams point, `inside_px` (n,) how far each is from the rim on the surface's side, `sigma_px` (n,)
+    the standard deviation of that, `outward` (n, 2) the directions away from the surface. `beam_m` and `pointing_m` are the standard
+    deviations of the beam's intensity and of its direction, on the plane.
     """
 
     cloud: Cloud
+    pixels: Floats
+    inside_px: Floats
+    sigma_px: Floats
+    outward: Floats
     beam_m: float
+    pointing_m: float
 
 
 def rim_of(image: RangeImage, normal: Floats, offset_m: float, window: Window) -> Rim | None:
@@ -48,14 +59,21 @@ def rim_of(image: RangeImage, normal: Floats, offset_m: float, window: Window) -
     beyond = _beyond(wave, outward)
     share = _share(wave, nearer, beyond)
     apart = np.abs(nearer - beyond)
-    sure = 2.0 * TURN / image.tool.wavelength_m * image.tool.noise_m / np.where(apart > 0, apart, np.inf)
+    signal = 2.0 * TURN / image.tool.wavelength_m * image.tool.noise_m
+    sure = signal / np.where(apart > 0, apart, np.inf)
     kept = (share > SHARES[0]) & (share < SHARES[1]) & (apart > 0) & (sure < VAGUE) & (wave != 0)
+    # What else a beam meets than these two, or what lies beyond without an answer, tells no share.
+    kept &= np.abs(wave - beyond - share * (nearer - beyond)) < STRANGE * signal + LEANING * apart
     kept &= np.isfinite(outward).all(axis=-1) & _within(window, kept)
     kept &= ndimage.binary_dilation(alike, np.ones((3, 3)))
     v, u = np.nonzero(kept)
     if not len(u):
         return None
-    return _rim(image, normal, offset_m, np.stack([u, v], axis=1), outward[kept], share[kept], sure[kept])
+    spread, inside = beam_px(image.tool), ndtri(share[kept])
+    noise_px = spread * sure[kept] * math.sqrt(TURN) * np.exp(inside**2 / 2.0)
+    sigma_px = np.hypot(_pointing_px(image), noise_px)
+    pixels = np.stack([u, v], axis=1).astype(float)
+    return _rim(image, normal, offset_m, pixels, outward[kept], spread * inside, sigma_px)
 
 
 def _waves(image: RangeImage) -> Waves:
@@ -114,28 +132,44 @@ def _within(window: Window, like: Truths) -> Truths:
     return found
 
 
+def round_rim(image: RangeImage, normal: Floats, offset_m: float, rim: Rim, centre: Floats) -> Rim:
+    """The same rim if it is a circle about a centre (3,) in the plane: then this tells the directions, not the noisy pixels around."""
+    (ahead, back), (below, above) = (
+        [
+            np.linalg.norm(_on_plane(image, normal, offset_m, rim.pixels + side * step) - centre, axis=1)
+            for side in (0.5, -0.5)
+        ]
+        for step in np.eye(2)
+    )
+    slope = np.stack([ahead - back, below - above], axis=1)
+    slope = slope / np.linalg.norm(slope, axis=1, keepdims=True)
+    outward = slope * np.sign((slope * rim.outward).sum(axis=1).sum())
+    return _rim(image, normal, offset_m, rim.pixels, outward, rim.inside_px, rim.sigma_px)
+
+
 def _rim(
     image: RangeImage,
     normal: Floats,
     offset_m: float,
-    at: Floats,
+    pixels: Floats,
     outward: Floats,
-    share: Floats,
-    sure: Floats,
+    inside_px: Floats,
+    sigma_px: Floats,
 ) -> Rim:
-    """Points where the rim is, from pixels (n, 2), as (u, v), with the share of their beams on the surface."""
-    spread = beam_px(image.tool)
-    inside = ndtri(share)
-    pointing = image.tool.pointing_rad * image.camera.focal_px
-    sigma_px = np.hypot(pointing, spread * sure * math.sqrt(TURN) * np.exp(inside**2 / 2.0))
-    places = at + spread * inside[:, None] * outward
+    """The rim that pixels (n, 2), as (u, v), see so far away in directions of the picture."""
+    places = pixels + inside_px[:, None] * outward
     points, ahead = (
         _on_plane(image, normal, offset_m, places),
         _on_plane(image, normal, offset_m, places + outward),
     )
-    away = ahead - points
-    pitch = np.linalg.norm(away, axis=1)
-    return Rim(Cloud(points, sigma_px * pitch, away / pitch[:, None]), spread * float(np.median(pitch)))
+    pitch = np.linalg.norm(ahead - points, axis=1)
+    usual = float(np.median(pitch))
+    wide_m, beside_m = beam_px(image.tool) * usual, _pointing_px(image) * usual
+    return Rim(Cloud(points, sigma_px * pitch), pixels, inside_px, sigma_px, outward, wide_m, beside_m)
+
+
+def _pointing_px(image: RangeImage) -> float:
+    return image.tool.pointing_rad * image.camera.focal_px
 
 
 def _on_plane(image: RangeImage, normal: Floats, offset_m: float, at: Floats) -> Floats:

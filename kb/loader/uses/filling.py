@@ -63,7 +63,12 @@ def filled(file: File, values: Values, used: Source) -> Filled:
             continue
         if name is not None and name not in known:
             where = replace(file.at(found.start()), used=used)
-            wrong.append(unknown_name("parameter", name, known, where))
+            plain = [each for each in known if not each.endswith("_words")]
+            found_none = unknown_name(
+                "parameter", name, plain if not name.endswith("_words") else known, where
+            )
+            advice = f"{found_none.hint}; or declare it, under `own` for a name of the device, or under `parameters`"
+            wrong.append(replace(found_none, hint=advice))
         value = "$" if name is None else known.get(name, name)
         parts += [file.text[done : found.start()], value]
         length += found.start() - done

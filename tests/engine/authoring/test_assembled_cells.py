@@ -9,13 +9,17 @@ import pytest
 from typer.testing import CliRunner
 
 from engine.authoring.starter import create_with
+from engine.authoring.starter.assembled import texts
 from engine.faces.cli import app
 from kb.diagnostics import InvalidInput
+from kb.loader import load
+from kb.loader.faults import load_faults
 from kb.loader.uses import all_devices
 
 DEVICES = [
     "balance",
     "barcode_reader",
+    "camera",
     "capper",
     "centrifuge",
     "conveyor",
@@ -23,8 +27,10 @@ DEVICES = [
     "drawer",
     "freezer",
     "furnace",
+    "heater_shaker",
     "laser_tool",
     "person",
+    "plate_hotel",
     "rack",
     "tool_rack",
     "ultrasonic_tool",
@@ -90,3 +96,27 @@ def test_an_unknown_device_is_refused_and_nothing_is_written(tmp_path: Path) -> 
 def test_no_devices_are_a_misuse(tmp_path: Path, devices: str) -> None:
     result = CliRunner().invoke(app, ["init", str(tmp_path / "cell"), "--with", devices])
     assert (result.exit_code, list(tmp_path.iterdir())) == (2, [])
+
+
+def test_a_device_can_be_given_a_name(tmp_path: Path) -> None:
+    create_with(tmp_path / "cell", ["hotel=plate_hotel", "dispenser"])
+    domain = (tmp_path / "cell" / "domain.yaml").read_text("utf-8")
+    assert "  hotel: {device: plate_hotel}\n" in domain
+    assert "rack" not in domain  # the hotel is the place for the plates
+    assert answer("run", tmp_path / "cell" / "problems" / "first.yaml")[0] == 0
+
+
+@pytest.mark.parametrize("name", ["A", "2nd", "", "bin", "not so"])
+def test_a_name_that_cannot_be_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidInput, match="cannot be the name"):
+        create_with(tmp_path / "cell", ["bin=rack", f"{name}=rack"])
+
+
+def test_all_devices_in_one_cell_contradict_each_other_nowhere(tmp_path: Path) -> None:
+    written, _ = texts(tmp_path, "cell", DEVICES)
+    for name, text in written.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, "utf-8")
+    assert load(tmp_path / "domain.yaml").domain.operators
+    model, _ = load_faults(tmp_path / "domain.yaml")
+    assert len(model.causes) > 50

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from engine.faces.cli.plan_forms import Made, document
-from engine.faces.cli.plan_forms import text as shown
+from engine.formats.report.planned import Made, document
+from engine.formats.report.planned import text as shown
 from engine.model.execution import Record, RecordKind
 from engine.model.outcome import Found
 from engine.model.schedule import Timetable

@@ -174,3 +174,12 @@ def test_the_domain_beside_a_problem_is_what_it_may_mean(tmp_path: Path, name: s
     )
     (found,) = check(str(tmp_path / "problems" / "p.yaml")).diagnostics
     assert found.hint.startswith(hint)
+
+
+DERIVED = ("fluents:\n", "derived:\n  away(item): {}\nfluents:\n")
+
+
+def test_a_goal_that_stands_for_others_is_not_called_out_of_reach(tmp_path: Path) -> None:
+    rules = RULES + "away(I) :- at(I, bin), fits(I, bin).\naway(I) :- at(I, shelf).\n"
+    found = told(tmp_path, DERIVED, rules=rules, problem="goals:\n  - away(bolt)\n")
+    assert [each for each in found if each.code == "K313"] == []

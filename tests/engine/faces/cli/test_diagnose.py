@@ -129,3 +129,17 @@ def test_what_is_not_there_is_named(arguments: tuple[str, ...]) -> None:
 def test_the_same_seed_gives_the_same_case() -> None:
     arguments = ("themse", "--exception", "lost_on_the_way", "--hidden", "low_voltage", "--seed", "4")
     assert run(*arguments).stdout == run(*arguments).stdout
+
+
+def test_the_interrupted_step_may_be_a_number_of_the_plan(tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    made = CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"]).stdout
+    plan.write_text(made)
+    steps = json.loads(made)["data"]["plan"]["steps"]
+    number, step = next((e["id"], e["operator"]) for e in steps if e["operator"].startswith("us_measure"))
+    asked = ("bulkhead/one_point", "--exception", "implausible_value", "--plan", str(plan))
+    case = ("--hidden", "missing_couplant", "--recover")
+    assert data(*asked, "--step", str(number), *case) == data(*asked, "--step", step, *case)
+    refused = run(*asked, "--step", "99")
+    assert refused.exit_code == 2
+    assert f"its steps are 1 to {len(steps)}" in refused.output

@@ -19,7 +19,7 @@ from engine.faces.cli import app
 from engine.faces.cli.verbs import VERBS
 from tests.places import TOP
 
-OURS = ("domains", "engine", "kb")
+OURS = ("cellwright", "domains", "engine", "kb")
 SQUARE = (
     "NAME: square\nTYPE: TSP\nDIMENSION: 4\nEDGE_WEIGHT_TYPE: EUC_2D\n"
     "NODE_COORD_SECTION\n1 0 0\n2 9 0\n3 9 9\n4 0 9\nEOF\n"

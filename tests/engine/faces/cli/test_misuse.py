@@ -45,6 +45,7 @@ def run(*arguments: str, **how: Any) -> subprocess.CompletedProcess[bytes]:
         (("schedule", "a", "--work", "nan"), "nan"),
         (("cell", "show", "a", "--azimuth", "nan"), "nan"),
         (("validate", "a", "b", "c"), "--pddl"),
+        (("validate", "themse/one", "plan.json"), "the plan's file alone"),
         (("macros", "show", "9" * 30, "--store", "a.db"), "range"),
         (("measurement", "add", "a", "m", "--at", "1", "2", "3", "--normal", "0", "0", "0"), "normal"),
         (("plan", "bulkhead/one_point", "--store", "postgresql://"), "user"),
@@ -53,6 +54,15 @@ def run(*arguments: str, **how: Any) -> subprocess.CompletedProcess[bytes]:
 )
 def test_a_wrong_command_line_is_told_to_programs_as_data(arguments: tuple[str, ...], said: str) -> None:
     assert said in refused(*arguments)
+
+
+@pytest.mark.parametrize(("text", "said"), [("", "the file is empty"), ("{", "not JSON")])
+def test_a_plan_file_without_a_plan_is_not_taken_for_a_domain(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "plan.json").write_text(text)
+    result = CliRunner().invoke(app, ["validate", str(tmp_path / "plan.json")])
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert "domain" not in result.stderr
 
 
 def test_people_are_told_of_a_wrong_command_line_on_standard_error() -> None:

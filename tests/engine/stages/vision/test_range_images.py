@@ -154,6 +154,38 @@ def test_the_rim_of_a_step_is_told_to_a_fraction_of_a_pixel() -> None:
     assert float(np.abs(off).max()) < 0.5 * pixel
 
 
+def test_a_rim_before_something_else_on_a_leaning_part_has_all_its_pixels() -> None:
+    """Where a part leans, a step is still where the range jumps from one pixel to the next: mixed pixels keep their answers."""
+    lean = transform(turned(np.array([0.3, -0.25, 0.0])), (0.0, 0.0, 0.5))
+    edge = [
+        (block(0.1, 0.3, 0.01), lean @ translation(-0.05, 0.0, 0.0)),
+        (block(0.4, 0.4, 0.01), translation(0, 0, 0.57)),
+    ]
+    normal = lean[:3, 2]
+    offset = float(normal @ (lean[:3, 3] - 0.005 * normal))
+    rim = rim_of(image_of(edge), normal, offset, Window(0, 4, 48, 44))
+    assert rim is not None
+    assert len(rim.pixels) >= 18  # of the 40 rows
+    off = (rim.cloud.points - lean[:3, 3]) @ lean[:3, 0]
+    sigma = rim.cloud.sigma_m
+    assert abs(float(np.median(off / sigma))) < 0.6
+    assert float((np.abs(off / sigma) < 3.0).mean()) > 0.8
+
+
+def test_beams_beside_their_direction_are_rendered_as_exactly_as_those_that_are_not() -> None:
+    """Between the samples of a rendered picture a beam is as wide as it is: samples four times as near make no difference."""
+    around = np.linspace(0.0, 2.0 * np.pi, 601)[:-1]
+    rod = prism("rod", [(0.02 * np.cos(each), 0.02 * np.sin(each)) for each in around], 0.4)
+    lying = [(rod, transform(turned(np.array([np.pi / 2, 0.0, 0.1])), (0.0, 0.0, 0.52)))]
+    tool = replace(TOOL, noise_m=1e-9, pointing_rad=1e-3, width=24, height=24)
+    coarse, fine = (scanned(lying, tool, 7, finer) for finer in (5, 21))
+    both = (coarse.range_m > 0) & (fine.range_m > 0)
+    inner = both & (np.minimum(coarse.strength, fine.strength) > 0.6 * coarse.strength.max())
+    off = (coarse.range_m - fine.range_m)[inner]
+    assert inner.sum() > 20
+    assert abs(float(off.mean())) < 2e-6
+
+
 def test_there_is_no_rim_of_a_plane_that_is_not_seen() -> None:
     assert rim_of(image_of([WALL]), np.array([0.0, 0.0, 1.0]), 0.4, Window(0, 0, 48, 48)) is None
 

@@ -1,15 +1,10 @@
-"""Plans made with or without a library of MACROPs, and the text about where they come from."""
+"""Plans made with a library of MACROPs, or without one: what is known already is used, and what is new is learned."""
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from rich.console import RenderableType
-
     from engine.pipelines.objective import Objective, Order, Run
     from engine.stages.planning import Limits
-    from kb.diagnostics import Diagnostic
     from kb.model.problem import Problem
 
 
@@ -46,24 +41,3 @@ def planned(
     ]
     run = objective.scheduled(problem, found.outcome, limits, objective.Objective.COST if parts else wanted)
     return run, {"source": {**entry, "parts": parts} if parts else entry}
-
-
-def losses(content: "Mapping[str, Any]", store: str) -> "tuple[Diagnostic, ...]":
-    """A warning if the library could not keep what was learned. The plan is no worse for it."""
-    from kb.diagnostics import Diagnostic, Source
-
-    said = content.get("source", {}).get("lost")
-    message, hint = f"nothing was kept: {said}", "make room on the disk, or name another library"
-    return (Diagnostic(Source(store), "K416", message, hint, warning=True),) if said else ()
-
-
-def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
-    """A line about where a plan comes from, if a library was used, and the parts of the plan."""
-    found = content.get("source")
-    if not found:
-        return []
-    from engine.formats.report.macros import folded, origin
-
-    parts = folded(found.get("parts", ()))
-    said = origin(found["origin"], found["macrop"], found["name"], found["reason"], listed=parts is not None)
-    return [each for each in (parts, said) if each]

@@ -1,0 +1,138 @@
+"""Files: problems and plans of other systems, domains to start from, devices, schemas, golden plans."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from cellwright.plans import Planned, plan_of
+from cellwright.requests import Name, Target, load, name_of
+
+if TYPE_CHECKING:
+    from engine.authoring.layout import Arranged
+    from engine.authoring.testing.golden import GoldenComparison
+    from engine.formats.interop.pddl import PddlProblem
+    from kb.diagnostics import Diagnostic
+    from kb.loader.uses import Device
+
+FileKind = Literal[
+    "domain", "problem", "plan", "device", "cell", "arm", "faults", "contacts", "scene", "events"
+]
+
+
+def read_pddl(domain: Name, problem: Name) -> "PddlProblem":
+    """A PDDL task; its `problem` is planned like any other. Raises `InvalidInput` for what is not supported, with its place."""
+    from engine.formats.interop import pddl
+
+    return pddl.read_pddl(Path(domain), Path(problem))
+
+
+def read_pddl_plan(task: "PddlProblem", file: Name) -> Planned:
+    """A plan for a PDDL task, in the format of the planning competitions. `validate` checks it. Raises `InvalidInput`."""
+    from engine.formats.interop.pddl.plans import read_plan
+    from engine.formats.report.planned import Made
+    from engine.model.outcome import Found
+    from engine.pipelines.objective import Run
+
+    return Planned(Made(Run(Found(read_plan(task, Path(file)))), task.problem))
+
+
+def write_pddl_plan(task: "PddlProblem", plan: Planned) -> str:
+    """The plan for a PDDL task as text, in the format of the planning competitions. Raises `InvalidInput` without a plan."""
+    from engine.formats.interop.pddl.plans import write_plan
+
+    return write_plan(task, plan_of(plan)[1])
+
+
+def export_pddl(
+    target: Target, folder: Name, *, goals: str = "", command: str = "", ground: bool = False
+) -> tuple[Path, Path]:
+    """Write a problem as domain.pddl and problem.pddl for any planner; the two files. Raises `InvalidInput`."""
+    from engine.formats.interop.pddl.files import exported, write
+
+    return write(exported(load(target, goals, command), lifted=not ground), Path(folder))
+
+
+def export_behaviour_tree(plan: "Planned | str | PathLike[str]") -> str:
+    """A plan as a behaviour tree, in the XML of BehaviorTree.CPP 4. Raises `InvalidInput` for a plan that is not right."""
+    from engine.formats.interop import behaviour_trees
+    from engine.pipelines.planning import check_plan
+    from kb.diagnostics import InvalidInput
+
+    problem, made, _, name = plan_of(plan)
+    if wrong := check_plan(problem, made, name):
+        raise InvalidInput(wrong)
+    return behaviour_trees.written(problem.domain, made)
+
+
+def export_qif(target: Target) -> str:
+    """The points to measure of a problem as a QIF document."""
+    from engine.formats.interop.inspections import as_qif
+
+    return as_qif(load(target))[0]
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A problem that was written: its file, how many points it has, and what was left out or doubtful."""
+
+    file: Path
+    points: int
+    diagnostics: "tuple[Diagnostic, ...]"
+
+
+def import_points(
+    file: Name,
+    output: Name,
+    *,
+    domain: str = "bulkhead",
+    unit: Literal["mm", "cm", "m", "in"] = "mm",
+    edge_distance: float | None = None,
+) -> Imported:
+    """Write a problem with the points of a QIF document or a CSV table; `domain` chooses tools. Raises `InvalidInput`, `OSError`.
+
+    `unit` is that of a file that names none, and of `edge_distance`, by which points stay away from the edges of faces.
+    """
+    from engine.formats.interop.inspections import import_file, remarks
+
+    source, target = Path(file), Path(output)
+    table = source.suffix.lower() == ".csv"
+    inspection, _, text = import_file(source, domain, unit, edge_distance, table)
+    target.write_text(text, "utf-8")
+    return Imported(target, len(inspection.points), remarks(inspection, source))
+
+
+def init(folder: Name, devices: Sequence[str] = ()) -> tuple[Path, ...]:
+    """Write a small domain into a new folder, put together from `devices` if some are named; its files. Raises `InvalidInput`."""
+    from engine.authoring.starter import create, create_with
+
+    return tuple(create_with(Path(folder), devices)[0] if devices else create(Path(folder)))
+
+
+def devices(beside: Name = ".") -> "tuple[Device, ...]":
+    """The devices that come with Cellwright, and those of the domain in the folder `beside`."""
+    from kb.loader.uses import all_devices
+
+    return tuple(all_devices(Path(beside)))
+
+
+def schema(kind: FileKind) -> Mapping[str, Any]:
+    """The JSON Schema of a kind of file."""
+    from kb.schema import json_schema
+
+    return json_schema(kind)
+
+
+def compare_golden(target: Target) -> "tuple[GoldenComparison, ...]":
+    """Plan every problem of a domain again and compare the answers with the accepted ones. Raises `InvalidInput`."""
+    from engine.authoring.testing.golden import compare_all
+
+    return tuple(compare_all(name_of(target)))
+
+
+def format_files(paths: Sequence[Name], *, write: bool = True) -> "Arranged":
+    """Give files, and all of folders, their usual form; with `write` off, only say which differ."""
+    from engine.authoring.layout import arrange
+
+    return arrange([Path(fspath(each)) for each in paths], write)

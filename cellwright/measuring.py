@@ -1,0 +1,123 @@
+"""Inspection: measurements of a problem, shapes through points, where a part lies, and which part an image shows."""
+
+from collections.abc import Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from cellwright.answers import Told
+from cellwright.requests import Name, Target, load
+
+if TYPE_CHECKING:
+    from engine.model.fits import Aligning, Fitting
+    from engine.model.ranging import Vague
+    from engine.pipelines.dimensions.surfaces import MeasuredSurface
+    from engine.pipelines.inspection import Partition
+    from engine.pipelines.placing.recognising import Seen
+
+Shape = Literal["plane", "sphere", "cylinder", "cone", "circle"]
+
+
+def measurements(target: Target) -> "Told[Partition]":
+    """The measurements of a problem: by tool, those that are done, and those that are impossible, each with its reason."""
+    from engine.formats.report.inspection import entry, parts
+    from engine.pipelines.inspection import partition
+    from engine.pipelines.points import with_places
+
+    return Told(partition(with_places(load(target))), "ok", entry, parts)
+
+
+def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05) -> "Told[Fitting]":
+    """A shape through measured points (a .csv with x, y, z in metres, .npy, .pcd or .ply), and how sure its sizes are.
+
+    `noise_mm` is the standard deviation of a point. Status: ok, or refused with the reason. Raises `InvalidInput`.
+    """
+    import numpy as np
+
+    from engine.formats.interop.depth_files import read_cloud
+    from engine.formats.report import fits
+    from engine.model.fits import Cloud, Fit
+    from engine.model.fits import Shape as Shapes
+    from engine.stages.fitting.surfaces import fitted
+
+    cloud = read_cloud(Path(points))
+    found = fitted(Shapes(shape), Cloud(cloud, np.full(len(cloud), noise_mm * 1e-3)))
+    status = "ok" if isinstance(found, Fit) else "refused"
+    return Told(found, status, lambda each: {"fits": [fits.entry(each)]}, lambda each: fits.text([each], ()))
+
+
+def align(
+    target: Target, results: Name, *, noise_mm: float = 0.05, within_mm: float | None = None
+) -> "Told[Aligning]":
+    """Where the part of a problem lies, by the profiles in a file of results (.csv, .json, .qif), and which of them are wrong.
+
+    An alignment that leaves a point less sure than `within_mm` is refused. Raises `InvalidInput`.
+    """
+    from engine.formats.interop.alignments import datums_of, read_results
+    from engine.formats.report import alignments
+    from engine.model.fits import Alignment
+    from engine.pipelines.points import points
+    from engine.stages.fitting.alignment import aligned, sure_enough
+
+    problem = load(target)
+    datums = datums_of(problem, read_results(Path(results)), noise_mm * 1e-3)
+    places = [each.position for each in points(problem)]
+    found = sure_enough(aligned(datums), places, None if within_mm is None else within_mm * 1e-3)
+    status = "ok" if isinstance(found, Alignment) else "refused"
+
+    def content(each: "Aligning") -> Mapping[str, Any]:
+        return alignments.entry(each, datums.names, places)
+
+    return Told(found, status, content, lambda each: alignments.text(each, datums.names, places, ""))
+
+
+def image(
+    target: Target, measurement: str, *, expected_mm: float = 1.0, seed: int = 0
+) -> "Told[MeasuredSurface | Vague]":
+    """The range image that a measurement is taken from, and what is measured in its patch; made from the cell.
+
+    `expected_mm` is the standard deviation of the place of the part. Status: found, or refused. Raises `InvalidInput`.
+    """
+    from rich.text import Text
+
+    from engine.formats.report import ranges
+    from engine.model.ranging import Vague
+    from engine.pipelines.dimensions.surfaces import measured_surface
+    from engine.plugins import geometry_backend
+    from kb.loader.cell import cell_of
+
+    problem = load(target)
+    where = cell_of(problem.path)
+    found = measured_surface(problem, where, geometry_backend(), measurement, expected_mm * 1e-3, seed, None)
+    if isinstance(found, Vague):
+        return Told(found, "refused", lambda _: {"reason": found.reason}, lambda _: Text(found.reason))
+    return Told(
+        found,
+        "found" if found.sure else "refused",
+        lambda _: ranges.surface_content(found),
+        lambda _: ranges.surface_text(found),
+    )
+
+
+def recognise(
+    scene: Name, *, parts: Sequence[str] = (), image: "str | PathLike[str] | None" = None, seed: int = 0
+) -> "Told[Seen]":
+    """Which part of a scene an image shows, and where it is. Without an image one is made. Raises `InvalidInput`."""
+    from engine.formats.interop.depth_files import read_depth
+    from engine.formats.report import ranges
+    from engine.model.ranging import Recognised
+    from engine.pipelines.placing import looking
+    from engine.pipelines.placing.recognising import recognised_in
+    from kb.loader.scene import load_scene
+    from kb.targets import find_scene
+
+    read = load_scene(find_scene(fspath(scene)))
+    given = read_depth(Path(image), looking.camera_of(read)) if image else None
+    found = recognised_in(read, parts, seed, given)
+    status = "found" if isinstance(found.answer, Recognised) and found.answer.best else "refused"
+    return Told(
+        found,
+        status,
+        lambda each: ranges.recognised_content(each.answer),
+        lambda each: ranges.recognised_text(each.answer),
+    )

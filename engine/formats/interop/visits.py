@@ -1,0 +1,30 @@
+"""Visits to be put in order: those of a TSPLIB file, or the measurements of a problem."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from engine.formats.interop.tsplib import read_tsplib
+from engine.pipelines.inspection import partition, tour_problem
+from engine.pipelines.inspection.demands import known, of_options, with_demands
+from engine.pipelines.inspection.visits import Visits
+from engine.pipelines.planning import problem_of
+from engine.pipelines.points import with_places
+from kb.files import is_file
+
+
+def visits_of(
+    target: str, windows: Sequence[str] = (), lasts: Sequence[str] = (), before: Sequence[str] = ()
+) -> Visits:
+    """The visits that a target names, with windows ("m3=10..90"), durations ("m3=4") and orders ("m1, m2") beside.
+
+    Raises `InvalidInput`.
+    """
+    demands = of_options(list(windows), list(lasts), list(before))
+    if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
+        found = Visits(with_demands(read_tsplib(Path(target)), demands))
+    else:
+        problem = with_places(problem_of(target))
+        parts = partition(problem)
+        found = Visits(tour_problem(problem, parts, demands), parts, problem)
+    known(demands, {visit.name for visit in found.tours.visits})
+    return found
