@@ -15,7 +15,7 @@ import random
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.meetings import Encounters
 from engine.pipelines.moves.passing import Shared, kept_apart, moments_of
 from engine.pipelines.moves.planning import Moving, plan_moving
-from engine.pipelines.moves.rehearsal import delayed, seen, stretches
+from engine.pipelines.moves.rehearsal import NOTHING, Rehearsal, delayed
 from engine.pipelines.moves.walking import Walk
 from engine.pipelines.objective import Order, plan
 from engine.pipelines.planning import problem_of
@@ -123,7 +123,7 @@ def bulkhead(count: int, runs: int, work: Path) -> dict[str, Any]:
     times = {step.operator: step.duration for step in shared.plan.steps}
     PlanGate().accepted(replace(problem, durations=times), shared.plan)
     alone = sum(step.duration for step in lasting(given, moved).steps) + DRIVE_S
-    looked = rehearsed(walk, shared, encounters, min(runs, 20))
+    looked = rehearsed(walk, shared, encounters, runs)
     return {
         "points": count,
         "one_arm_s": alone,
@@ -142,14 +142,14 @@ def bulkhead(count: int, runs: int, work: Path) -> dict[str, Any]:
 
 def rehearsed(walk: Walk, shared: Shared, encounters: Encounters, runs: int) -> dict[str, Any]:
     """Delays of up to 10 s for each step, drawn anew in each run."""
-    drawn, moments = random.Random(1), moments_of(walk, shared.plan, shared.steps)
-    looks, least = 0, np.inf
+    began, drawn, found = time.process_time(), random.Random(1), NOTHING
+    rehearsal = Rehearsal(moments_of(walk, shared.plan, shared.steps), encounters)
     for _ in range(runs):
         late = {step.id: drawn.uniform(0.0, 10.0) for step in shared.plan.steps}
         starts, last = delayed(shared.plan, shared.steps, 1.0, late)
-        found = seen(stretches(moments, starts, last), encounters)
-        looks, least = looks + found.looks, min(least, found.least_m)
-    return {"runs": runs, "looks": looks, "least_m": min(least, 1.0)}
+        found = found.and_also(rehearsal.seen(starts, last, least_m=found.least_m))
+    spent = time.process_time() - began
+    return {"runs": runs, **asdict(found), "rehearsed_cpu_s": spent}
 
 
 def written(count: int, work: Path) -> Path:
@@ -301,15 +301,16 @@ def moving(name: str) -> tuple[Moving, Walk]:
 def delays(runs: int) -> dict[str, Any]:
     """The problems of the bench in turn, with delays."""
     names = ("crossing", "both_sides", "bench", "scanned")
-    looks, least = 0, np.inf
+    moments, looks, least = 0, 0, 1.0
     for name in names:
         made, walk = moving(name)
         assert isinstance(made.run.outcome, Found)
         assert made.sharing is not None
         shared = Shared(made.run.outcome.plan, {}, made.steps, made.sharing)
         found = rehearsed(walk, shared, Encounters(geometry_backend()), runs // len(names))
-        looks, least = looks + found["looks"], min(least, found["least_m"])
-    return {"problems": names, "runs": runs, "looks": looks, "least_m": least}
+        moments, looks = moments + found["moments"], looks + found["looks"]
+        least = min(least, found["least_m"])
+    return {"problems": names, "runs": runs, "moments": moments, "looks": looks, "least_m": least}
 
 
 def physics() -> dict[str, Any]:

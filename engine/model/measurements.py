@@ -14,6 +14,21 @@ def chooses_tools(domain: Domain) -> bool:
     return domain.conventions.chosen in domain.predicates
 
 
+def arms_of(problem: Problem) -> tuple[str, ...]:
+    """The arms that can be the second argument of `measured`; none if it has no such argument."""
+    domain = problem.domain
+    declared = domain.predicates.get(domain.conventions.measured)
+    if declared is None or len(declared.arguments) < 3:
+        return ()
+    objects = {**domain.objects, **problem.objects}
+    return tuple(name for name, own in objects.items() if domain.is_subtype(own, declared.arguments[1]))
+
+
+def is_shared(problem: Problem) -> bool:
+    """Whether several arms can make the measurements of a problem, whose rules choose the tools."""
+    return chooses_tools(problem.domain) and len(arms_of(problem)) > 1
+
+
 def measurements_of(problem: Problem) -> list[str]:
     """The objects of a problem that are measurements, in the order in which they are listed."""
     objects, type_ = {**problem.domain.objects, **problem.objects}, problem.domain.conventions.measurement

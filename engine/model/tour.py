@@ -209,3 +209,34 @@ def _late(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
         if visit.window is not None and begin > visit.window[1]:
             found.append(f"{visit.name} is reached at {begin}, later than {visit.window[1]}")
     return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedProblem:
+    """Which arm makes which visits, so that all are done soonest?
+
+    Each arm has a tour problem with all visits that it can make, which last their `duration` in it. A visit of several arms has the
+    same name in each. Every arm makes an open tour of its share, and all begin at once.
+    """
+
+    tours: Mapping[str, TourProblem]
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """The visits of each arm in their order, by names; how long each arm is busy with them; and what no way to share them is below."""
+
+    orders: Mapping[str, tuple[str, ...]]
+    busy: Mapping[str, int]
+    lower_bound: int
+    common: int = 0
+
+    @property
+    def makespan(self) -> int:
+        """When the last arm is done."""
+        return max(self.busy.values(), default=0)
+
+
+def busy_with(problem: TourProblem, order: tuple[int, ...]) -> int:
+    """How long an open tour of some of the visits of a problem takes: its arcs, and how long visits last."""
+    return sum(problem.lengths(order)) + sum(problem.visits[each].duration for each in order)

@@ -172,6 +172,18 @@ class Conventions:
         TOURS,
         "what going to another station costs, as a way in micrometres",
     )
+    within_reach: str = _static(
+        "within_reach",
+        "arm, measurement",
+        TOURS,
+        "an arm that reaches a measurement; if nothing is said of one, the cell decides, and without a cell every arm does",
+    )
+    equips: str = _static(
+        "equips",
+        "tool, arm",
+        TOURS,
+        "the arm that a tool is for; if nothing is said of a tool, one of several arms is chosen for it",
+    )
     change: str = _static(
         "change", "tool, tool, int", TOURS, "what a change of tools costs, as a way in micrometres"
     )

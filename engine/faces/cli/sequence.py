@@ -143,12 +143,21 @@ def _sequence(
     form: TourForm,
 ) -> Answer:
     from engine.faces.cli.interruption import Interruption
+    from engine.formats.interop.visits import is_tsplib
+    from engine.model.measurements import is_shared
+    from engine.pipelines.planning import problem_of
     from engine.stages.sequencing import METHODS, Limits
     from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
     if method not in METHODS:
         hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
         raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
+    if not is_tsplib(target) and is_shared(problem := problem_of(target)):
+        from engine.faces.cli.shared_sequence import shared_by_arms
+
+        given = {"--closed": ends[0], "--start": ends[1], "--end": ends[2], "--method": method != "auto"}
+        refuse_idle({**given, "--format svg": form is TourForm.SVG}, "where several arms share measurements")
+        return shared_by_arms(problem, wanted, effort)
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted, tell=interrupted.tell_cost)
         found, answer = _solve(target, method, ends, wanted, limits)

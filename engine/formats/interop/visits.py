@@ -4,12 +4,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from engine.formats.interop.tsplib import read_tsplib
+from engine.model.measurements import is_shared
 from engine.pipelines.inspection import partition, tour_problem
 from engine.pipelines.inspection.demands import known, of_options, with_demands
 from engine.pipelines.inspection.visits import Visits
 from engine.pipelines.planning import problem_of
 from engine.pipelines.points import with_places
+from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import is_file
+
+
+def is_tsplib(target: str) -> bool:
+    """Whether a target is a TSPLIB file."""
+    return is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml")
 
 
 def visits_of(
@@ -20,10 +27,13 @@ def visits_of(
     Raises `InvalidInput`.
     """
     demands = of_options(list(windows), list(lasts), list(before))
-    if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
+    if is_tsplib(target):
         found = Visits(with_demands(read_tsplib(Path(target)), demands))
     else:
         problem = with_places(problem_of(target))
+        if is_shared(problem):
+            said, hint = "several arms share the measurements", "ask for a plan: it says which arm makes what"
+            raise InvalidInput([Diagnostic(Source(target), "K404", said, hint)])
         parts = partition(problem)
         found = Visits(tour_problem(problem, parts, demands), parts, problem)
     known(demands, {visit.name for visit in found.tours.visits})

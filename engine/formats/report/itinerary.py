@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report import inspection, tour
+from engine.formats.report import inspection, shares, tour
 from engine.formats.report.rows import TextTable
 from engine.model.outcome import Found
 from engine.model.wording import counted
@@ -29,7 +29,7 @@ class Share:
     longest: int = field(default=0)
 
 
-def shares(plan: Plan) -> Mapping[str, Share]:
+def by_operator(plan: Plan) -> Mapping[str, Share]:
     """The steps by operator, those that take most time first."""
     found: dict[str, Share] = {}
     for step in plan.steps:
@@ -45,14 +45,15 @@ def entry(run: Run) -> dict[str, Any]:
     way = run.itinerary
     if way is None:
         return {}
-    found = {**tour.entry(way.tour, way.problem), "kept": way.kept, "altered": way.altered}
+    found = shares.entry(way.shared) if way.shared else tour.entry(way.tour, way.problem)
+    found |= {"kept": way.kept, "altered": way.altered}
     groups = inspection.entry(way.partition)
     groups["impossible"] |= way.unasked
     content: dict[str, Any] = {"sequence": {**found, "partition": groups}}
     if isinstance(run.outcome, Found):
         content["times"] = {
             name: {"steps": own.steps, "duration": own.duration, "longest": own.longest}
-            for name, own in shares(run.outcome.plan).items()
+            for name, own in by_operator(run.outcome.plan).items()
         }
     return content
 
@@ -70,7 +71,9 @@ def text(run: Run, unit: str) -> RenderableType:
         else ""
     )
     said: list[RenderableType] = [
-        Text(f"In the order of the sequence{kept}: {tour.summary(way.tour, way.problem)}")
+        shares.text(way.shared)
+        if way.shared
+        else Text(f"In the order of the sequence{kept}: {tour.summary(way.tour, way.problem)}")
     ]
     said += [Text(f"Not all windows can be kept: {way.unkept}.")] if way.unkept else []
     said += [Text(line) for line in (*_left_out(way.partition.impossible), *_unasked(way.unasked))]
@@ -80,7 +83,7 @@ def text(run: Run, unit: str) -> RenderableType:
 
 
 def _times(plan: Plan, unit: str) -> RenderableType:
-    own = shares(plan)
+    own = by_operator(plan)
     total = sum(each.duration for each in own.values()) or 1
     rows = [
         (name, str(each.steps), str(each.duration), str(each.longest), f"{100 * each.duration / total:.0f} %")

@@ -11,7 +11,7 @@ from engine.model.poses import MeasurementPoses
 from engine.model.ranging import Edges, RangeImage, Vague, Window
 from engine.pipelines.dimensions import Asked, dimensions
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.places import with_measured_places
+from engine.pipelines.places import with_measured_places
 from engine.pipelines.poses import chosen_tools, known_poses, station_world
 from engine.pipelines.poses.views import eye_of, solids_before, taken, window_of
 from engine.ports import GeometryBackend

@@ -2,9 +2,11 @@
 
 from collections.abc import Collection
 
+from engine.model.measurements import is_shared
 from engine.pipelines.inspection.progress import News, Progress, carried_on, resources
 from engine.pipelines.points import with_places
 from engine.stages.sequencing import Limits
+from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.problem import Problem
 from kb.store.sequences import SequencePlan, Sequences
 
@@ -12,12 +14,17 @@ from kb.store.sequences import SequencePlan, Sequences
 def carry_on(
     store: str, problem: Problem, news: News = News(), limits: Limits = Limits(), anew: bool = False
 ) -> Progress:
-    """Bring the kept sequence of a problem up to date, or make one; `anew` forgets the kept one. Raises `InvalidInput`.
+    """Bring the kept sequence of a problem up to date, or make one; `anew` forgets the kept one.
+
+    Raises `InvalidInput`, for a problem too whose measurements several arms share.
 
     If another process has written the sequence in the meantime, the news is applied to what it wrote, so that nothing is
     lost.
     """
     problem = with_places(problem)
+    if is_shared(problem):
+        said, hint = "several arms share the measurements, and a kept sequence is of one", "leave --store out"
+        raise InvalidInput([Diagnostic(Source(problem.path), "K404", said, hint)])
     with Sequences(store) as sequences:
         while True:
             kept = sequences.of(problem.domain.name, problem.name)

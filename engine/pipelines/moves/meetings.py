@@ -57,10 +57,17 @@ class Encounters:
             )
         return self._met[key]
 
-    def clearance(self, one: Passage, mine: Floats, other: Passage, theirs: Floats) -> float:
-        """The least distance (m, at most 1) of two arms, at configurations (n, k) of each taken together."""
-        whole = _whole(one.rider, mine) + _whole(other.rider, theirs)
-        return float(self._ground(one.rider, other.rider).clearance(whole).min())
+    def apart(
+        self, one: tuple[Rider, Floats, Floats], other: tuple[Rider, Floats, Floats]
+    ) -> tuple[Floats, Floats]:
+        """How far apart (m, at most 1) two arms are at configurations (n, k) of each taken together, and how far both move at most.
+
+        The third of each says how much its joints turn (n, k).
+        """
+        (a, mine, my_turn), (b, theirs, their_turn) = one, other
+        ground = self._ground(a, b)
+        moved = ground.travels(_whole(a, my_turn)) + ground.travels(_whole(b, their_turn))
+        return ground.clearance(_whole(a, mine) + _whole(b, theirs)), moved
 
     def _ground(self, a: Rider, b: Rider) -> Ground:
         key = (a.arm, a.key, b.arm, b.key)

@@ -19,11 +19,11 @@ from engine.pipelines.moves.bars import told, without_blocked
 from engine.pipelines.moves.leaving_out import all_lost, within_reach
 from engine.pipelines.moves.meetings import Encounters
 from engine.pipelines.moves.passing import Shared, kept_apart
-from engine.pipelines.moves.places import measured_at
 from engine.pipelines.moves.states import in_order
 from engine.pipelines.moves.walking import Walk, Ways
 from engine.pipelines.objective import Run
 from engine.pipelines.parts.patching import patched
+from engine.pipelines.places import measured_at
 from engine.pipelines.timetable import keeping, own_order, timed
 from engine.pipelines.timetable.kept import LONG
 from engine.pipelines.timetable.orders import by_step

@@ -9,12 +9,12 @@ from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
 from engine.pipelines.moves.arms import arms_of
 from engine.pipelines.moves.hands import Front, Hands, held
-from engine.pipelines.moves.places import measured_cell
 from engine.pipelines.moves.rides import Ride
 from engine.pipelines.moves.rooms import Room
 from engine.pipelines.moves.states import states_of
 from engine.pipelines.moves.steps import StepMotion, guide_value
 from engine.pipelines.moves.together import JointStep
+from engine.pipelines.places import measured_cell
 from engine.ports import GeometryBackend
 from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from engine.stages.geometry.world.following import following
@@ -24,7 +24,7 @@ from engine.stages.validation.semantics import Semantics
 from kb.model.cell import Cell, Ends, Location, Operation, Place
 from kb.model.plan import Plan, Step, StepId
 from kb.syntax import SECONDS
-from kb.terms import Atom, Function, Variable, match, substitute, variables
+from kb.terms import Atom, Function, Term, Variable, match, substitute, variables
 
 _Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, tuple[tuple[bytes, str, bool], ...]]
 _Stand = tuple[str, Floats, Front | None]  # an arm, its configuration, and what it stands before
@@ -227,8 +227,19 @@ def operation_of(cell: Cell, step: Function) -> Operation | None:
                 None if each is None else substitute(each, bindings)
                 for each in (operation.at, operation.with_place, operation.carries)
             )
+            at, beside = _own(cell, at, step), _own(cell, beside, step)
             return replace(operation, operator=step, at=at, with_place=beside, carries=load)
     return None
+
+
+def _own(cell: Cell, place: Term | None, step: Function) -> Term | None:
+    """A place, or that of the arm that the step names, where each arm has its own."""
+    if place is None or str(place) in cell.places or not isinstance(place, Function):
+        return place
+    own = (
+        Function(place.name, (*place.arguments, each)) for each in step.arguments if str(each) in cell.arms
+    )
+    return next((each for each in own if str(each) in cell.places), place)
 
 
 def _carrying(world: World, place: Place, bodies: set[str]) -> set[str]:

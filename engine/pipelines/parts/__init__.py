@@ -8,14 +8,17 @@ the whole problem.
 import time
 from dataclasses import dataclass
 
-from engine.model.measurements import chooses_tools
+from engine.model.measurements import chooses_tools, is_shared
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.parts.chain import Chain
-from engine.pipelines.parts.itinerary import Itinerary, Part, itinerary
-from engine.pipelines.parts.joining import joined
+from engine.pipelines.inspection import partition
+from engine.pipelines.inspection.demands import Demands
+from engine.pipelines.parts.chain import Chain, Part
+from engine.pipelines.parts.itinerary import Itinerary, itinerary
+from engine.pipelines.parts.joining import joined, of_arms
 from engine.pipelines.parts.memory import Memory, Notebook
 from engine.pipelines.parts.runs import in_best_order
+from engine.pipelines.parts.sharing import Shared, shared
 from engine.pipelines.planning import LARGE
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.limits import size
@@ -30,7 +33,7 @@ from kb.model.conditions import goal_parts
 from kb.model.problem import Problem
 from kb.terms import Function, natural_key
 
-__all__ = ["Itinerary", "Memory", "Notebook", "Part", "Sequenced", "by_sequence"]
+__all__ = ["Itinerary", "Memory", "Notebook", "Part", "Sequenced", "Shared", "by_sequence", "shares_of"]
 
 
 @dataclass(frozen=True)
@@ -57,19 +60,32 @@ def by_sequence(
     if not chooses_tools(problem.domain):
         return None
     asked = TourLimits(seed=limits.seed, interrupted=limits.interrupted, sharp=False)
-    way = itinerary(problem, asked, store)
+    line = Chain(problem, _start(problem), memory or Notebook(), limits)
+    way = itinerary(problem, lambda: line, asked, store)
     if way is None:
         return None
-    sequencing = time.perf_counter() - started
+    line.seconds["sequencing"] = time.perf_counter() - started
     started = time.perf_counter()
-    line = Chain(problem, _start(problem), memory or Notebook(), limits)
-    line.seconds["sequencing"] = sequencing
     way = in_best_order(way, line, cheap)
     line.seconds["start"] = time.perf_counter() - started
     outcome = _planned(problem, way, line)
-    if outcome is not None and way.problem.timed and not store:  # a kept sequence stays as it is kept
+    if (
+        outcome is not None and way.problem.timed and way.shared is None and not store
+    ):  # a kept sequence stays as it is kept
         outcome, way = _on_time(problem, way, outcome, line, asked)
     return None if outcome is None else Sequenced(outcome, way)
+
+
+def shares_of(
+    problem: Problem, more: Demands = Demands(), limits: TourLimits = TourLimits()
+) -> Shared | Infeasible | GaveUp | None:
+    """How several arms share the measurements of a problem; None if one arm makes them all. Raises `InvalidInput`."""
+    if not is_shared(problem):
+        return None
+    line = Chain(
+        problem, _start(problem), Notebook(), Limits(seed=limits.seed, interrupted=limits.interrupted)
+    )
+    return shared(problem, partition(problem), more, limits, line)
 
 
 def _on_time(
@@ -100,7 +116,8 @@ def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:
         return _refused(line, start, way, *failed)
     started = time.perf_counter()
     goals = (goal_literal(goal) for goal in goal_parts(problem.goal))
-    plan = joined(start, line.steps, [goal for goal in goals if goal is not None])
+    wanted = [goal for goal in goals if goal is not None]
+    plan = joined(start, line.steps, wanted, of_arms(problem, way))
     seconds["joining"] = time.perf_counter() - started
     started = time.perf_counter()
     plan, wrong = PlanGate().settled(problem, plan)

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.model.outcome import Found, Outcome
-from engine.pipelines.parts.itinerary import Part
 from engine.pipelines.parts.memory import Memory
 from engine.pipelines.planning import searched
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
@@ -17,13 +16,21 @@ from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import check
 from engine.stages.macros.lookup.query import query
 from engine.stages.planning import Limits
-from kb.model.conditions import And
+from kb.model.conditions import And, Condition
 from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
 from kb.terms import Atom
 
 LARGEST = 100  # steps of a plan that is learned
 MUCH = 1 << 62
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What is achieved at once: some goals. `name` is the measurement that they are about, if they are about one."""
+
+    name: str
+    goals: tuple[Condition, ...]
 
 
 @dataclass

@@ -1,14 +1,16 @@
 """The parts of an inspection in the order of the sequencer: one part for each measurement that the goals ask for."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
 
-from engine.model.measurements import chooses_tools, named
+from engine.model.measurements import chooses_tools, is_shared, named
 from engine.model.measurements import wanted as wanted_of
 from engine.model.tour import Tour, TourProblem, cost_of
 from engine.pipelines.inspection import Partition, partition, tour_problem
 from engine.pipelines.inspection.demands import Demands, without_windows
+from engine.pipelines.parts.chain import Chain, Part
+from engine.pipelines.parts.sharing import Shared, shared
 from engine.pipelines.points import with_places
 from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.sequencing import Limits, sequence
@@ -24,21 +26,14 @@ PROOF = (
 Run = tuple[int, ...]  # places of visits that follow one another with one tool from one station
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
-    """What is achieved at once: some goals. `name` is the measurement that they are about, if they are about one."""
-
-    name: str
-    goals: tuple[Condition, ...]
-
-
 @dataclass(frozen=True)
 class Itinerary:
     """The measurements of an inspection in the order of a tour, each with its tool.
 
     `kept` says that the order was kept in a store. Runs of an order that is not `fixed` may come in another order or the other
     way round; `altered` says that some do. `unasked` are measurements that cannot be made, with the reasons, which no goal asks for.
-    `unkept` says why no tour keeps all windows, if that is known.
+    `unkept` says why no tour keeps all windows, if that is known. `shared` says how several arms share the measurements: then the
+    visits are in the order in which they can begin, and `problem` and `tour` are those of the arm that is done last.
     """
 
     visits: tuple[tuple[str, str], ...]
@@ -50,6 +45,7 @@ class Itinerary:
     altered: bool = False
     unasked: Mapping[str, str] = field(default_factory=dict)
     unkept: str = ""
+    shared: Shared | None = None
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -88,6 +84,7 @@ class Itinerary:
         """
         place = {name: number for number, (name, _) in enumerate(self.visits)}
         by_tool = _ByTool(problem)
+        arms = self.shared.arms if self.shared else {}
         goals: dict[int, list[Condition]] = {}
         rest: list[Condition] = []
         for goal in goal_parts(problem.goal):
@@ -95,30 +92,37 @@ class Itinerary:
             if about is None:
                 rest.append(goal)
             elif names is None or self.visits[about][0] in names:
-                goals.setdefault(about, []).append(by_tool.goal(goal, self.visits[about][1]))
+                name, tool = self.visits[about]
+                own = by_tool.goal(goal, tool)
+                goals.setdefault(about, []).append(by_tool.goal(own, arms[name]) if name in arms else own)
         parts = [Part(self.visits[number][0], tuple(own)) for number, own in sorted(goals.items())]
         return (*parts, Part("", tuple(rest))) if rest else tuple(parts)
 
 
-def itinerary(problem: Problem, limits: Limits = Limits(), store: str = "") -> Itinerary | None:
-    """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order.
+def itinerary(
+    problem: Problem, line: Callable[[], Chain], limits: Limits = Limits(), store: str = ""
+) -> Itinerary | None:
+    """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order, by one arm.
 
-    The sequence that is kept in `store` is used, and one is kept there if there is none. A workflow that only says which
-    measurement comes before which is kept. Raises `InvalidInput`.
+    The sequence that is kept in `store` is used, and one is kept there if there is none; what several arms share is not kept. A workflow
+    that only says which measurement comes before which is kept. `line` begins plans. Raises `InvalidInput`.
     """
     if not chooses_tools(problem.domain):
         return None
     wanted = wanted_of(problem)
     before = order_of(problem, wanted) if problem.chains else ()
-    if len(wanted) < 2 or before is None:
+    least = 1 if is_shared(problem) else 2
+    if len(wanted) < least or before is None:
         return None
     placed = with_places(problem)
     every = partition(placed)
     parts = _only(every, wanted)
-    if sum(map(len, parts.groups.values())) < 2:
+    if sum(map(len, parts.groups.values())) < least:
         return None
-    if store and not before:
-        found: Itinerary | None = _kept(placed, parts, limits, store)
+    if is_shared(placed):
+        found = _shared(placed, parts, limits, Demands(before=before), line())
+    elif store and not before:
+        found = _kept(placed, parts, limits, store)
     else:
         found = _made(placed, parts, limits, Demands(before=before))
     unasked = {name: why for name, why in every.impossible.items() if name not in wanted}
@@ -157,6 +161,20 @@ def _made(problem: Problem, parts: Partition, limits: Limits, more: Demands) -> 
     return Itinerary(visits, parts, asked, tour, fixed=_bound(asked), unkept=unkept)
 
 
+def _shared(
+    problem: Problem, parts: Partition, limits: Limits, more: Demands, line: Chain
+) -> Itinerary | None:
+    """The measurements of several arms; None if they cannot be shared."""
+    made = shared(problem, parts, more, limits, line)
+    if not isinstance(made, Shared) or not made.order:
+        return None
+    last = max(made.problems, key=lambda arm: made.shares.busy[arm])
+    order = tuple(range(len(made.problems[last].visits)))
+    tour = Tour(order, cost_of(made.problems[last], order), 0)
+    visits = tuple((name, made.tools[name]) for name in made.order)
+    return Itinerary(visits, made.partition, made.problems[last], tour, unkept=made.unkept, shared=made)
+
+
 def _bound(problem: TourProblem) -> bool:
     """Whether a tour's ends or orders are asked for."""
     ends = (problem.start, problem.end)
@@ -193,7 +211,7 @@ class _ByTool:
         self.objects, self.domain = {**domain.objects, **problem.objects}, domain
 
     def goal(self, goal: Condition, tool: str) -> Condition:
-        """The goal by a tool."""
+        """The goal by a tool, or by an arm."""
         literal = goal_literal(goal)
         if literal is None or not literal.positive or literal.atom.name != self.measured:
             return goal

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from engine.model.measurements import named
 from engine.model.outcome import Found, Infeasible, Outcome
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.parts.chain import Chain
-from engine.pipelines.parts.itinerary import Itinerary, Part
-from engine.pipelines.parts.joining import joined
+from engine.pipelines.parts.chain import Chain, Part
+from engine.pipelines.parts.itinerary import Itinerary
+from engine.pipelines.parts.joining import joined, of_arms
 from engine.pipelines.parts.memory import Notebook
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.program import Vocabulary
@@ -57,7 +57,7 @@ def patched(
     old = _Old(steps, changes, _ends(problem, changes, {name for name, _ in way.visits}))
     at = next(n for n, step in enumerate(steps) if step.id == failed)
     found = _gone_on(problem, way, old, at, start, limits)
-    return _made(problem, start, found) if isinstance(found, list) else found
+    return _made(problem, start, found, way) if isinstance(found, list) else found
 
 
 def _ends(problem: Problem, changes: Sequence[StepChange], names: set[str]) -> dict[str, int]:
@@ -108,8 +108,8 @@ def _alike(one: frozenset[Atom], other: set[Atom], lost: set[str]) -> bool:
     return all(named(Literal(atom), lost) for atom in one ^ other)
 
 
-def _made(problem: Problem, start: Situation, steps: Sequence[Step]) -> Found | None:
+def _made(problem: Problem, start: Situation, steps: Sequence[Step], way: Itinerary) -> Found | None:
     goals = (goal_literal(goal) for goal in goal_parts(problem.goal))
-    plan = joined(start, steps, [goal for goal in goals if goal is not None])
+    plan = joined(start, steps, [goal for goal in goals if goal is not None], of_arms(problem, way))
     plan, wrong = PlanGate().settled(problem, plan)
     return None if wrong else Found(plan)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise, permutations, product
 
-from engine.pipelines.parts.chain import MUCH, Chain
-from engine.pipelines.parts.itinerary import Itinerary, Part, Run
+from engine.pipelines.parts.chain import MUCH, Chain, Part
+from engine.pipelines.parts.itinerary import Itinerary, Run
 
 EXACT = 4  # runs of which every order is compared; orders of more are improved step by step
 MOST_WAYS = 120  # between runs that are planned
@@ -23,7 +23,7 @@ def in_best_order(way: Itinerary, line: Chain, cheap: bool = False) -> Itinerary
 
     What lasts as long may cost less; if it is to be `cheap`, the cost comes first.
     """
-    if way.fixed or not way.visits:
+    if way.fixed or way.shared is not None or not way.visits:
         return way
     parts = {part.name: part for part in way.parts(line.problem)}
     links, own = _Links(way, line, cheap, parts), way.runs

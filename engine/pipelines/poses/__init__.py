@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 from engine.model.poses import MeasurementPoses
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.places import measured_at, with_measured_places
 from engine.pipelines.moves.rooms import Room
+from engine.pipelines.places import measured_at, with_measured_places
 from engine.pipelines.poses.digests import Footing, Standing
 from engine.pipelines.poses.finding import Sought, found_poses
 from engine.ports import GeometryBackend

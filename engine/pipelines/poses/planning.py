@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from engine.model.measurements import chooses_tools
+from engine.model.measurements import chooses_tools, is_shared
 from engine.pipelines.moves.planning import Moving, plan_moving
 from engine.pipelines.objective import Run
 from engine.pipelines.poses import Knowledge, known_poses, with_stations
@@ -31,9 +31,10 @@ def plan_with_poses(
 ) -> MovingInspection:
     """A plan in which every step moves. Poses come from the store, if one is given, and are kept there. Raises `InvalidInput`.
 
-    Goals about measurements that no station reaches are given up.
+    Goals about measurements that no station reaches are given up. Where several arms share measurements, the sequence finds out who
+    reaches them, and the walk through the plan finds the poses.
     """
-    if not chooses_tools(problem.domain):
+    if not chooses_tools(problem.domain) or is_shared(problem):
         return MovingInspection(plan_moving(problem, cell, backend, planned, seed))
     knowledge = kept_poses(store, problem, cell, backend) if store else known_poses(problem, cell, backend)
     words = problem.domain.conventions

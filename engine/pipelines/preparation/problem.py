@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from engine.kernels.cancellation import Interrupted
-from engine.model.measurements import chooses_tools
+from engine.model.measurements import chooses_tools, is_shared
 from engine.model.outcome import Found, GaveUp
 from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.objective import sequenced
@@ -40,7 +40,7 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared | Drafted[Pr
             return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
         measures = chooses_tools(problem.domain)
         poses = _poses(job.store, problem) if measures else None
-        kept = _kept(job.store, problem) if measures else None
+        kept = _kept(job.store, problem) if measures and not is_shared(problem) else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
         draft, answered = _answered(job.store, problem, limits)
     except InvalidInput as error:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from engine.model.moves import MovedStep
-from engine.pipelines.moves.places import measured_cell
 from engine.pipelines.moves.states import states_of
+from engine.pipelines.places import measured_cell
 from engine.pipelines.witness.stage import SETTLE_S, Stage
 from engine.pipelines.witness.touches import Touched
 from engine.stages.geometry.world.following import following

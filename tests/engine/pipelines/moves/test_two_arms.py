@@ -1,11 +1,14 @@
 """Two arms at one bench: where they meet, who waits, what they do together, and that no delay lets them collide."""
 
 import random
+from collections.abc import Mapping
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from engine.model.geometry import Floats
 from engine.model.moves import LegKind
 from engine.model.outcome import Found
 from engine.pipelines.gate import PlanGate
@@ -13,7 +16,7 @@ from engine.pipelines.moves.meetings import Encounters
 from engine.pipelines.moves.meetings import found as found_meetings
 from engine.pipelines.moves.passing import moments_of
 from engine.pipelines.moves.planning import Moving, plan_moving
-from engine.pipelines.moves.rehearsal import delayed, seen, stretches
+from engine.pipelines.moves.rehearsal import Rehearsal, delayed
 from engine.pipelines.moves.walking import Walk
 from engine.pipelines.objective import Order, plan
 from engine.pipelines.planning import problem_of
@@ -22,7 +25,7 @@ from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.planning import Limits
 from kb.loader.cell import cell_of
-from kb.model.plan import Plan
+from kb.model.plan import Plan, StepId
 
 
 @lru_cache
@@ -66,12 +69,12 @@ def test_no_delay_lets_the_arms_collide(name: str, late_s: float) -> None:
     found = steps_of(made)
     semantics, backend = PlanGate().semantics(made.problem), geometry_backend()
     walk, encounters = Walk(semantics, cell_of(f"dual/{name}"), backend), Encounters(backend)
-    moments = moments_of(walk, found, made.steps)
+    rehearsal = Rehearsal(moments_of(walk, found, made.steps), encounters)
     for _ in range(3):
         late = {step.id: drawn.uniform(0.0, late_s) for step in found.steps}
         starts, last = delayed(found, made.steps, 1.0, late)
-        looked = seen(stretches(moments, starts, last), encounters, step=0.01)
-        assert looked.looks
+        looked = rehearsal.seen(starts, last, step=0.01)
+        assert looked.moments > looked.looks > 0
         assert looked.least_m > 0.0
 
 
@@ -100,7 +103,7 @@ def test_without_the_orders_the_arms_would_collide() -> None:
         arm = each.arms[0]
         starts[each.step] = own.get(arm, 0.0)
         own[arm] = starts[each.step] + each.moved.seconds
-    looked = seen(stretches(moments, starts, max(own.values())), encounters, step=0.01)
+    looked = Rehearsal(moments, encounters).seen(starts, max(own.values()), step=0.01)
     assert looked.least_m <= 0.0
 
 
@@ -131,3 +134,61 @@ def test_an_arm_that_holds_on_stays_where_it_holds() -> None:
     step = next(each for each in made.steps if each.operator.name == "scan")
     holder = [leg.kind for leg in step.legs if leg.arm == "left"]
     assert LegKind.OUT not in holder
+
+
+def test_stretches_decided_by_one_look_say_what_a_look_at_each_moment_says() -> None:
+    for name in ("crossing", "scanned"):
+        made, drawn = moving(name), random.Random(5)
+        found, backend = steps_of(made), geometry_backend()
+        walk, encounters = (
+            Walk(PlanGate().semantics(made.problem), cell_of(f"dual/{name}"), backend),
+            Encounters(backend),
+        )
+        rehearsal = Rehearsal(moments_of(walk, found, made.steps), encounters)
+        late = {step.id: drawn.uniform(0.0, 4.0) for step in found.steps}
+        starts, last = delayed(found, made.steps, 1.0, late)
+        looked = rehearsal.seen(starts, last, step=0.02)
+        moments, least = _looked_one_by_one(rehearsal, starts, last, 0.02)
+        assert looked.moments == moments
+        assert looked.least_m == pytest.approx(least, abs=1e-9)
+
+
+def _looked_one_by_one(
+    rehearsal: Rehearsal, starts: Mapping[StepId, float], until_s: float, step: float
+) -> tuple[int, float]:
+    """How many moments there are, and how near the arms come, by a look at each; where an arm is, its legs say."""
+    left, right = (rehearsal.courses[arm].begun(starts, until_s) for arm in ("left", "right"))
+    cuts = sorted({*left.begins_s.tolist(), *right.begins_s.tolist(), until_s})
+    count, least = 0, 1.0
+    for begins, ends in pairwise(cuts):
+        (a,), (b,) = (each.line_at(np.array([(begins + ends) / 2])) for each in (left, right))
+        if left.step[a] and left.step[a] == right.step[b]:
+            continue
+        speed = max(left.speeds[a], right.speeds[b])
+        times = np.linspace(begins, ends, int(np.ceil((ends - begins) * speed / step)) + 2)
+        riders = left.riders[left.rider[a]], right.riders[right.rider[b]]
+        mine, theirs = (
+            np.array([_configuration(rehearsal, arm, starts, t) for t in times]) for arm in ("left", "right")
+        )
+        still = np.zeros_like(mine)
+        clear, _ = rehearsal.encounters.apart((riders[0], mine, still), (riders[1], theirs, still))
+        count, least = count + len(times), min(least, float(clear.min()))
+    return count, least
+
+
+def _configuration(rehearsal: Rehearsal, arm: str, starts: Mapping[StepId, float], t: float) -> Floats:
+    """Where an arm is at a time, leg by leg."""
+    q: Floats = rehearsal.moments[0].before.configurations[arm]
+    for moment in sorted(rehearsal.moments, key=lambda each: starts[each.step]):
+        assert moment.moved is not None
+        now, entered = starts[moment.step], False
+        for leg in moment.moved.legs:
+            own = next((each for each in (leg, *leg.beside) if each.arm == arm), None)
+            if t < now:
+                return q
+            if own is not None:
+                q = own.at(min(t - now, leg.seconds))
+            now += leg.seconds
+            if leg.kind is LegKind.IN and not entered:
+                entered, now = True, now + moment.moved.takes_s
+    return q

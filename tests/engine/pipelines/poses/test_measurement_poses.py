@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from engine.pipelines import poses
-from engine.pipelines.moves.places import with_measured_places
 from engine.pipelines.moves.rides import Ride
 from engine.pipelines.moves.rooms import Room
+from engine.pipelines.places import with_measured_places
 from engine.pipelines.planning import problem_of
 from engine.pipelines.poses import Knowledge, known_poses, with_stations
 from engine.plugins import geometry_backend

@@ -1,6 +1,6 @@
 """The places that steps need: those of the cell, and those of measurements whose position and normal a problem gives."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,11 +20,52 @@ MICRO = 1e-6
 
 
 def measured_cell(semantics: Semantics, cell: Cell) -> Cell:
-    """The cell with a place for each measurement that has a position, for the tool that the domain's rules choose."""
-    problem = semantics.problem
-    chosen = semantics.statics.named(problem.domain.conventions.chosen)
-    tools = {str(each.arguments[1]): str(each.arguments[0]) for each in chosen if len(each.arguments) == 2}
-    return with_measured_places(cell, problem, tools)
+    """The cell with a place for each measurement that has a position, for the tool that the domain's rules choose.
+
+    With several arms each of them has a place of its own.
+    """
+    problem, statics = semantics.problem, semantics.statics
+    chosen = [each for each in statics.named(problem.domain.conventions.chosen) if len(each.arguments) == 2]
+    if len(cell.arms) < 2:
+        tools = {str(each.arguments[1]): str(each.arguments[0]) for each in chosen}
+        return with_measured_places(cell, problem, tools)
+    choices = dict[str, list[str]]()
+    for each in sorted(chosen, key=str):
+        choices.setdefault(str(each.arguments[1]), []).append(str(each.arguments[0]))
+    owners = dict[str, frozenset[str]]()
+    for each in statics.named(problem.domain.conventions.equips):
+        if len(each.arguments) == 2:
+            tool, arm = map(str, each.arguments)
+            owners[tool] = owners.get(tool, frozenset()) | {arm}
+    return with_places_of_arms(cell, problem, choices, owners)
+
+
+def with_places_of_arms(
+    cell: Cell,
+    problem: Problem,
+    choices: Mapping[str, Sequence[str]],
+    owners: Mapping[str, frozenset[str]],
+) -> Cell:
+    """The cell with a place for each measurement that has a position and each arm, with the first of its tools that is for the arm.
+
+    The place of an arm is named by the measurement and the arm. Arms have no place where the cell gives the measurement one.
+    """
+    found = dict(cell.places)
+    for arm in cell.arms:
+        own = {
+            name: next((tool for tool in tools if arm in owners.get(tool, cell.arms)), "")
+            for name, tools in choices.items()
+        }
+        alone = replace(cell, arms={arm: cell.arms[arm]})
+        for name, place in with_measured_places(alone, problem, own).places.items():
+            if name not in cell.places:
+                found.setdefault(of_arm(name, arm), replace(place, name=of_arm(name, arm)))
+    return replace(cell, places=found)
+
+
+def of_arm(place: str, arm: str) -> str:
+    """The name of the place of an arm at a measurement whose place has this name."""
+    return f"{place.removesuffix(')')}, {arm})"
 
 
 def with_measured_places(cell: Cell, problem: Problem, tools: Mapping[str, str]) -> Cell:
@@ -94,6 +135,6 @@ def _against(normal: Floats) -> Floats:
 
 
 def measured_at(words: Conventions, place: str) -> str:
-    """The measurement that a place belongs to; empty if it is another place."""
+    """The measurement that a place belongs to, that of one arm too; empty if it is another place."""
     head, _, rest = place.partition("(")
-    return rest.removesuffix(")") if head == words.meas else ""
+    return rest.removesuffix(")").split(", ")[0] if head == words.meas else ""
