@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from kb.diagnostics import Source, unknown_name
 from kb.loader.arm import quantities_of
+from kb.loader.calibration import load_calibration
 from kb.loader.cell import read_cell
 from kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
 from kb.loader.reader import Findings, Reader, require, validate_shape
@@ -30,7 +31,7 @@ def load_scene(path: Path) -> Scene:
         require(findings)
     beside = path.parent / reader.text("cell")
     cell = read_cell(beside, findings)
-    scene = _SceneReader(reader, quantities_of(reader, path.parent), cell).scene()
+    scene = _SceneReader(reader, quantities_of(reader, path.parent), cell, path.parent).scene()
     require(findings)
     return scene
 
@@ -59,6 +60,7 @@ class _SceneReader:
     reader: Reader
     read: Quantities
     cell: Cell
+    beside: Path
 
     def scene(self) -> Scene:
         root = self.reader.root
@@ -70,6 +72,9 @@ class _SceneReader:
         ]
         for node in self.reader.items("clutter"):
             self._body(node.value, node)
+        target, kept = child(root, "target"), child(root, "calibration")
+        if target is not None:
+            self._body(target.value, target)
         inset, density, tolerance = (child(root, key) for key in ("inset", "density", "tolerance"))
         return Scene(
             self.reader.text("scene"),
@@ -82,6 +87,8 @@ class _SceneReader:
             self.read.positive(inset) if inset else INSET_M,
             self.read.number(density, FACTOR) if density else DENSITY,
             self.read.positive(tolerance) if tolerance else math.inf,
+            target.value if target is not None else "",
+            load_calibration(self.beside / str(kept.value)) if kept is not None else None,
         )
 
     def _placement(self, node: Node | None) -> Placement:
@@ -141,10 +148,11 @@ class _SceneReader:
         }
         friction = {key: self.read.number(value, FACTOR) for key, value in _given(node, "friction")}
         fingers = {key: int(value.value) for key, value in _given(node, "fingers")}
+        exact = {f"{key}_m": self.read.number(value, LENGTH) for key, value in _given(node, "accuracy")}
         force = [self.read.number(value, FACTOR) for _, value in _given(node, "force")]
         return _with(
             HandEntry(arm.value),
-            {**lengths, **sizes, **friction, **fingers, **({"force_n": force[0]} if force else {})},
+            {**lengths, **exact, **sizes, **friction, **fingers, **({"force_n": force[0]} if force else {})},
         )
 
 

@@ -41,10 +41,31 @@ class CameraEntry:
     dropouts: float = 0.0
 
 
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFound:
+    """What calibrations have found of the camera of a scene, in metres and radians.
+
+    `T_world_camera` are the rows of a matrix (4, 4). `covariance` (9, 9) is that of a displacement of the camera, of its turn about its
+    own origin, both along the axes of the world, of the focal length, and of the centre in pixels. A measured depth is `offset_m` +
+    `scale` times the true one, with a standard deviation of `noise_m`.
+    """
+
+    T_world_camera: tuple[Numbers, ...]
+    focal_px: float
+    centre_px: tuple[float, float]
+    covariance: tuple[Numbers, ...]
+    offset_m: float = 0.0
+    scale: float = 1.0
+    noise_m: float = 0.001
+
+
 @dataclass(frozen=True, slots=True)
 class HandEntry:
     """Parallel jaws at the tool point of an arm, or a hand with three fingers: z of its frame points to the part, x is the way in
-    which they close.
+    which they close. `accuracy_m` is the standard deviation, along each axis, of where the arm brings what the hand holds.
     """
 
     arm: str
@@ -57,6 +78,7 @@ class HandEntry:
     friction: float = 0.4
     force_n: float = 40.0
     fingers: int = 2
+    accuracy_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +87,8 @@ class Scene:
 
     `clutter` names bodies that the camera sees and nobody has modelled. `table` is a frame on the free part of a table, with
     z upwards: there parts are laid down to be taken anew. Parts have a density in kg per cubic metre. A part is not taken before it
-    is sure to come within `tolerance_m` of its goal (three standard deviations).
+    is sure to come within `tolerance_m` of its goal (three standard deviations). `target` is the part that is held before the camera
+    when this is calibrated. What was found then is in `calibrated`, and counts instead of what `camera` says.
     """
 
     name: str
@@ -78,3 +101,5 @@ class Scene:
     inset_m: float = INSET_M
     density: float = DENSITY
     tolerance_m: float = math.inf
+    target: str = ""
+    calibrated: CameraFound | None = None

@@ -39,6 +39,9 @@ class HandFileEntry(Strict):
         description="the extents of the force sensor behind it",
     )
     friction: Quantity = Field("0.4", description="the friction coefficient of the pads")
+    accuracy: Quantity = Field(
+        "0", description="the standard deviation of where the arm brings what is held, beside what was seen"
+    )
     force: Quantity = Field("40", description="the force of each pad, in newtons")
 
 
@@ -67,6 +70,14 @@ class SceneFile(Strict):
     table: PlacedEntry = Field(
         default_factory=lambda: PlacedEntry.model_validate({}),
         description="a free place on a table, z upwards, where parts are taken anew",
+    )
+    target: str | None = Field(
+        None,
+        description="the part that is held before the camera when this is calibrated; it looks the same from no two sides",
+    )
+    calibration: str | None = Field(
+        None,
+        description="a file beside this one with what was found of the camera; it counts instead of `camera`",
     )
     inset: Quantity = Field("15 mm", description="how far inside an edge the jaws take a part")
     density: Quantity = Field("1000", description="of the parts, in kg per cubic metre")

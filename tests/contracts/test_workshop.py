@@ -92,3 +92,18 @@ def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two
     done = running.executed(strict, DOMAIN)
     assert done.runs[-1].outcome == "reached", done.runs
     assert any("place_unsure" in each and part in each for run in done.runs for each in run.story)
+
+
+@pytest.mark.slow
+def test_a_camera_that_was_knocked_is_found_out_and_calibrated_by_the_arm_itself() -> None:
+    from engine.pipelines.placing.optics import Errors, Optics
+    from engine.stages.geometry.world.model import World
+
+    knock, scene = Errors((0.025, 0.01, 0.0)), related(FIVE, "wall_1", "wall_2")
+    image = Optics.of(scene, knock).image(World.of(scene.cell), 0)
+    made, _ = assemble(scene, DOMAIN, "base", image=image)
+    assert isinstance(made, Built)
+    done = running.executed(made, DOMAIN, knock=knock)
+    assert done.runs[-1].outcome == "reached"
+    assert any("camera_moved; calibrate_the_camera" in each for run in done.runs for each in run.story)
+    assert all(metres < NEAR_M for metres, _ in done.off.values())

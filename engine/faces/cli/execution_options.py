@@ -8,6 +8,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.numbers import NumberError, decimal
 
 if TYPE_CHECKING:
+    from engine.pipelines.placing.optics import Errors
     from engine.pipelines.workshop.running import Shift
     from kb.model.scene import Scene
 
@@ -20,6 +21,14 @@ def shifts_of(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) ->
         hint = "leave out --execute, or give the hand `fingers: 2`"
         raise InvalidInput([Diagnostic(Source("--execute"), "K005", message, hint)])
     return list(_shifts(scene, shifted, removed))
+
+
+def knock_of(text: str) -> "Errors":
+    """By how much the camera was knocked: X,Y,Z,A,B,C in mm and degrees, along and about its own axes. Raises `InvalidInput`."""
+    from engine.pipelines.placing.camera_cell import errors_of
+    from engine.pipelines.placing.optics import Errors
+
+    return errors_of({"moved": text}, 0) if text else Errors()
 
 
 def needs_mujoco(option: str) -> None:
@@ -37,7 +46,7 @@ def _shifts(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "
     for text in shifted:
         part, _, numbers = text.partition("=")
         x, y, turn = _three(numbers, text)
-        yield Shift(_part(scene, part, "--shift"), (x / 1000, y / 1000), radians(turn))
+        yield Shift(_part(scene, part, "--shift", fixed=True), (x / 1000, y / 1000), radians(turn))
     for part in removed:
         yield Shift(_part(scene, part, "--remove"), away=True)
 
@@ -55,10 +64,13 @@ def _three(numbers: str, text: str) -> tuple[float, float, float]:
     return found[0], found[1], found[2]
 
 
-def _part(scene: "Scene", name: str, option: str) -> str:
+def _part(scene: "Scene", name: str, option: str, fixed: bool = False) -> str:
     from kb.model.cell import BodyKind
 
-    parts = [each for each, body in scene.cell.bodies.items() if body.kind is BodyKind.PART]
+    kinds = (BodyKind.PART, BodyKind.FIXTURE) if fixed else (BodyKind.PART,)
+    parts = [each for each, body in scene.cell.bodies.items() if body.kind in kinds]
     if name not in parts:
-        raise InvalidInput([unknown_name("part", name, parts, Source(option))])
+        raise InvalidInput(
+            [unknown_name("part or fixture" if fixed else "part", name, parts, Source(option))]
+        )
     return name

@@ -10,12 +10,14 @@ from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.calibration import app as calibration
 from engine.faces.cli.exits import FINDINGS, GAVE_UP, INFEASIBLE
 from engine.faces.cli.options import Format, Seed, number
-from engine.faces.cli.scene_files import Image, SceneName
+from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
 
 if TYPE_CHECKING:
     from engine.pipelines.placing.assembling import Built
+    from engine.pipelines.placing.optics import Errors
     from engine.pipelines.workshop.running import Shift
     from kb.model.domain import Domain
+    from kb.model.scene import Scene
 
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
 app = typer.Typer(
@@ -40,50 +42,67 @@ def assemble(
         list[str] | None,
         typer.Option(
             "--shift",
-            help="with --execute: move a part after it was seen, PART=X,Y,TURN in mm and degrees; may be repeated",
+            help="with --execute: move a part or a fixture after it was seen, NAME=X,Y,TURN in mm and degrees; may be repeated",
         ),
     ] = None,
     remove: Annotated[
         list[str] | None,
         typer.Option("--remove", help="with --execute: take a part away after it was seen; may be repeated"),
     ] = None,
+    knock: Annotated[
+        str,
+        typer.Option(
+            "--knock",
+            help="with --execute: the camera was knocked after it was calibrated, X,Y,Z,A,B,C in mm and degrees along its axes",
+        ),
+    ] = "",
+    calibration: Calibration = None,
     seed: Seed = 0,
     format: Format = Form.TEXT,
 ) -> None:
     """Put all parts of a scene where its relations say, in an order that the task planner finds and geometry proves."""
     changes = (shift or [], remove or [])
-    if any(changes) and not execute:
-        raise typer.BadParameter("--shift and --remove change what is executed: add --execute")
+    if (any(changes) or knock) and not execute:
+        raise typer.BadParameter("--shift, --remove and --knock change what is executed: add --execute")
     if image is not None and execute:
         raise typer.BadParameter("--execute makes its images from the scene: leave out --image")
-    give(lambda: _assembled(base, scene, image, seed, changes if execute else None), format)
+    done = (changes, knock) if execute else None
+    give(lambda: _assembled(base, scene_of(scene, calibration), image, seed, done), format)
 
 
 def _assembled(
-    base: str, scene: str, image: Path | None, seed: int, changes: tuple[list[str], list[str]] | None
+    base: str,
+    read: "Scene",
+    image: Path | None,
+    seed: int,
+    done: tuple[tuple[list[str], list[str]], str] | None,
 ) -> Answer:
     from rich.text import Text
 
-    from engine.faces.cli.execution_options import shifts_of
+    from engine.faces.cli.execution_options import knock_of, shifts_of
     from engine.formats.interop.depth_files import read_depth
     from engine.formats.report import assembling as report
     from engine.pipelines.placing import assembling, looking
+    from engine.pipelines.placing.optics import Optics
+    from engine.stages.geometry.world.model import World
     from kb.loader import load_domain
-    from kb.loader.scene import load_scene
-    from kb.targets import find_scene
 
-    read = load_scene(find_scene(scene))
     given = read_depth(image, looking.camera_of(read)) if image else None
-    domain, shifts = load_domain("handey"), shifts_of(read, *changes) if changes is not None else None
+    domain, shifts = load_domain("handey"), shifts_of(read, *done[0]) if done is not None else None
+    knock = knock_of(done[1] if done is not None else "")
+    if done is not None and done[1]:
+        given = Optics.of(read, knock).image(World.of(read.cell), seed)
     made, _ = assembling.assemble(read, domain, base, seed, given)
     said = report.text(made, base)
     status = report.status(made)
     if shifts is not None and isinstance(made, assembling.Built):
-        return _executed(made, domain, shifts, said, seed)
+        return _executed(made, domain, (shifts, knock), said, seed)
     return Answer(status, report.content(made), lambda: Text(said), CODES[status])
 
 
-def _executed(made: "Built", domain: "Domain", shifts: "Sequence[Shift]", said: str, seed: int) -> Answer:
+def _executed(
+    made: "Built", domain: "Domain", changes: "tuple[Sequence[Shift], Errors]", said: str, seed: int
+) -> Answer:
     from rich.text import Text
 
     from engine.faces.cli.exits import STOPPED
@@ -91,7 +110,7 @@ def _executed(made: "Built", domain: "Domain", shifts: "Sequence[Shift]", said: 
     from engine.formats.report import workshop as report
     from engine.pipelines.workshop.running import executed
 
-    done = executed(made, domain, shifts, seed)
+    done = executed(made, domain, changes[0], seed, knock=changes[1])
     outcome = done.runs[-1].outcome
     content = {**planned.content(made), "execution": report.content(done)}
     text = f"{said}\n{report.text(done)}"

@@ -8,7 +8,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
 from engine.faces.cli.options import Format, Seed
-from engine.faces.cli.scene_files import Image, SceneName
+from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
 
 if TYPE_CHECKING:
     from engine.formats.report.depth_picture import Hands
@@ -26,6 +26,7 @@ def place(
     base: Annotated[str, typer.Argument(metavar="PART", help="the body that it is placed on")],
     scene: SceneName,
     image: Image = None,
+    calibration: Calibration = None,
     again: Annotated[
         Path | None,
         typer.Option(
@@ -43,11 +44,16 @@ def place(
     """Place a part ON another one, as the relations of a scene say: find it, grasp it, and plan all motions."""
     if on.lower() != "on":
         raise typer.BadParameter(f"write: place {part} on {base}", param_hint="ON")
-    give(lambda: _placed(part, base, scene, (image, again), seed, output), format)
+    give(lambda: _placed(part, base, scene_of(scene, calibration), (image, again), seed, output), format)
 
 
 def _placed(
-    part: str, base: str, scene: str, images: tuple[Path | None, Path | None], seed: int, output: Path | None
+    part: str,
+    base: str,
+    read: "Scene",
+    images: tuple[Path | None, Path | None],
+    seed: int,
+    output: Path | None,
 ) -> Answer:
     from rich.text import Text
 
@@ -55,10 +61,7 @@ def _placed(
     from engine.formats.report import placing as report
     from engine.pipelines.placing import looking, placing
     from engine.pipelines.placing.answers import Placed
-    from kb.loader.scene import load_scene
-    from kb.targets import find_scene
 
-    read = load_scene(find_scene(scene))
     given, later = (read_depth(each, looking.camera_of(read)) if each else None for each in images)
     found, looked = placing.place(read, part, base, seed, given)
     before = ""

@@ -1,11 +1,14 @@
 """The options that name a scene and an image of it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from engine.faces.cli import completion
+
+if TYPE_CHECKING:
+    from kb.model.scene import Scene
 
 SceneName = Annotated[
     str,
@@ -22,3 +25,21 @@ Image = Annotated[
         help="the depth image: .npy, 16-bit .png in mm, .pcd or .ply; else it is made from the scene",
     ),
 ]
+Calibration = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration", help="a file with what calibrations have found of the camera (docs/placing.md)"
+    ),
+]
+
+
+def scene_of(scene: str, calibration: Path | None = None) -> "Scene":
+    """The scene that is meant, its camera as it was calibrated. Raises `InvalidInput`."""
+    from dataclasses import replace
+
+    from kb.loader.calibration import load_calibration
+    from kb.loader.scene import load_scene
+    from kb.targets import find_scene
+
+    found = load_scene(find_scene(scene))
+    return found if calibration is None else replace(found, calibrated=load_calibration(calibration))

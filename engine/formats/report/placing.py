@@ -13,6 +13,7 @@ from engine.pipelines.placing.answers import Carry, Leg, NotPlaced, PlaceAnswer,
 from engine.pipelines.placing.doubt import at_goal
 from engine.pipelines.placing.placing import STILL_M, STILL_RAD, Since
 from engine.stages.geometry import transforms
+from engine.stages.grasping.insertion import Insertion, Search
 
 STATUS = {"relations": "infeasible", "regrasp": "infeasible"}
 
@@ -65,7 +66,13 @@ def carry(one: Carry) -> dict[str, Any]:
         "T_world_to": one.T_world_to.tolist(),
         "rest": one.rest,
         "legs": [leg(each) for each in one.legs],
+        "insertion": None if one.insertion is None else _inserted(one.insertion),
     }
+
+
+def _inserted(one: Insertion) -> dict[str, Any]:
+    """How a part goes in where it is enclosed: metres."""
+    return {"depth_m": one.depth_m, "room_m": one.room_m, "doubt_m": one.doubt_m, "search": one.search.value}
 
 
 def leg(one: Leg) -> dict[str, Any]:
@@ -144,6 +151,22 @@ def _told(n: int, carry: Carry) -> Iterator[str]:
     to = "to its goal" if carry.rest == "goal" else f"to the free place, to lie {carry.rest}"
     yield f"{n}. taken at {at_facets(carry.grasp)}, and carried {to}"
     yield from map(told, carry.legs)
+    if carry.insertion is not None:
+        yield f"   {_fits(carry.insertion)}"
+
+
+def _fits(one: Insertion) -> str:
+    """How a part goes in, for people."""
+    how = {
+        Search.NONE: "it goes straight in",
+        Search.SPIRAL: "it is pressed lightly, and led round on a spiral until it drops",
+        Search.TILT: "it is tilted, led against the far wall, and set upright there",
+    }
+    room, doubt = 1000 * one.room_m, 1000 * one.doubt_m
+    return (
+        f"it goes {1000 * one.depth_m:.0f} mm deep with {room:.2f} mm of room on each side, and may be {doubt:.2f} mm off: "
+        f"{how[one.search]}"
+    )
 
 
 def told(leg: Leg) -> str:

@@ -7,6 +7,7 @@ from engine.model.assembly import Assembled, Contradiction
 from engine.model.geometry import Floats
 from engine.model.grasping import Grasp
 from engine.model.vision import Located, NotLocated
+from engine.stages.grasping.insertion import Insertion
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +25,10 @@ class Leg:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Carry:
-    """One taking and letting go: the grasp, the hand on the part T_part_hand, the part's poses in the world, and the legs."""
+    """One taking and letting go: the grasp, the hand on the part T_part_hand, the part's poses in the world, and the legs.
+
+    `insertion` says how the part goes in where it is enclosed at its goal.
+    """
 
     grasp: Grasp
     T_part_hand: Floats
@@ -32,6 +36,7 @@ class Carry:
     T_world_to: Floats
     rest: str
     legs: tuple[Leg, ...]
+    insertion: Insertion | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,13 +1,13 @@
 """What the camera of a scene sees: depth images made from the bodies of the cell, and the part found in them."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import inverse
+from engine.kernels.rigid import inverse, skew
 from engine.model.geometry import Floats
-from engine.model.vision import Camera, DepthImage, Sighting
+from engine.model.vision import Camera, DepthImage, NotLocated, Sighting
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.solids import solid_of
 from engine.stages.geometry.world.model import World
@@ -30,13 +30,21 @@ class Looked:
 
 
 def camera_of(scene: Scene) -> Camera:
-    """The camera that a scene describes."""
+    """The camera as it was calibrated, else the one that a scene describes."""
+    made, found = made_camera(scene), scene.calibrated
+    return made if found is None else replace(made, focal_px=found.focal_px, centre_px=found.centre_px)
+
+
+def made_camera(scene: Scene) -> Camera:
+    """The camera that a scene describes, as its maker tells."""
     entry = scene.camera
     return Camera.viewing(entry.width, entry.height, entry.view_m, entry.distance_m)
 
 
 def camera_pose(scene: Scene, world: World) -> Floats:
-    """T_world_camera (4, 4)."""
+    """T_world_camera (4, 4), as it was calibrated, else as the scene has it."""
+    if scene.calibrated is not None:
+        return np.array(scene.calibrated.T_world_camera)
     placed = scene.camera.placement
     found: Floats = world.pose("world", placed.parent) @ transforms.of_pose(placed.pose)
     return found
@@ -59,13 +67,37 @@ def look(scene: Scene, world: World, parts: Sequence[str], seed: int, given: Flo
         sensor = Sensor(entry.noise_m, entry.dropouts)
         image = disturbed(depth_image(scene, world, camera), sensor, seed)
     else:
-        image = DepthImage(camera, given, entry.noise_m)
+        image = corrected(scene, given)
     known = depth_image(scene, world, camera, {*parts, *scene.clutter}).depth
-    same = (known > 0) & (np.abs(image.depth - known) < KNOWN * max(entry.noise_m, 1e-6))
+    same = (known > 0) & (np.abs(image.depth - known) < KNOWN * max(image.noise_m, 1e-6))
     T_world_camera = camera_pose(scene, world)
     ground = Ground(same, (_floor(scene, world, T_world_camera),))
     found = {part: locate(Model(solid_of(world.cell.bodies[part])), image, ground) for part in parts}
+    if scene.calibrated is not None:
+        known_by = np.array(scene.calibrated.covariance)
+        found = {part: doubted(each, camera, T_world_camera, known_by) for part, each in found.items()}
     return Looked(image, T_world_camera, ground, found)
+
+
+def corrected(scene: Scene, depth: Floats) -> DepthImage:
+    """What a sensor gave (height, width) in metres, with true depths as far as the range finder is calibrated."""
+    found, camera = scene.calibrated, camera_of(scene)
+    if found is None:
+        return DepthImage(camera, depth, scene.camera.noise_m)
+    true = np.where(depth > 0, np.maximum((depth - found.offset_m) / found.scale, 0.0), 0.0)
+    return DepthImage(camera, true, found.noise_m / found.scale)
+
+
+def doubted(sighting: Sighting, camera: Camera, T_world_camera: Floats, covariance: Floats) -> Sighting:
+    """A sighting that is less sure by what is doubted of the camera: `covariance` (9, 9) as in `CameraFound`."""
+    if isinstance(sighting, NotLocated):
+        return sighting
+    x, y, z = p = sighting.best.T_camera_part[:3, 3]
+    J, R = np.zeros((6, 9)), T_world_camera[:3, :3].T
+    J[:3, :3] = J[3:, 3:6] = R
+    J[:3, 3:6] = -skew(p) @ R
+    J[:3, 6:] = -np.array([[x, z, 0.0], [y, 0.0, z], [0.0, 0.0, 0.0]]) / camera.focal_px
+    return replace(sighting, covariance=sighting.covariance + J @ covariance @ J.T)
 
 
 def table_pose(scene: Scene, world: World) -> Floats:

@@ -20,6 +20,8 @@ from kb.model.problem import Problem
 from kb.terms import Atom, Function
 
 MOST = 200  # plans that are tried
+MOVES = ("place", "place_by_regrasps", "set_aside")
+EYE = "eye"  # the camera of a scene
 Key: TypeAlias = tuple[object, ...]
 
 
@@ -76,6 +78,8 @@ def _followed(
 ) -> Iterator[tuple[Move, tuple[Carry, ...]] | Obstacle]:
     """The moves of a plan with their carries; the last one may be what forbids a move."""
     for step in plan.steps:
+        if step.operator.name not in MOVES:
+            continue
         move = move_of(step.operator)
         key = key_of(move, spots, near)
         if key not in known:
@@ -122,7 +126,8 @@ def problem_with(
     statics = [fact for name, each in names.items() for fact in _facts(name, each)]
     problem = Problem("assembly", domain, objects, tuple(statics))
     wanted = ", ".join(f"at({part}, goal)" for part in parts if part in spots)
-    problem = problem.replace(tuple(_atom("at", part, spot) for part, spot in sorted(spots.items())))
+    seen = [_atom(each, EYE) for each in ("ranged", "standing", "mapped")]
+    problem = problem.replace((*(_atom("at", part, spot) for part, spot in sorted(spots.items())), *seen))
     return with_goals(domain, wanted, problem)
 
 

@@ -1,6 +1,6 @@
 """PLACE: the goal from relations, the part from an image, and the way between the two."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from engine.model.assembly import Contradiction
 from engine.model.geometry import Floats
 from engine.model.vision import Located, NotLocated
 from engine.pipelines.placing.answers import NotPlaced, PlaceAnswer, Placed
+from engine.pipelines.placing.doubt import brought
+from engine.pipelines.placing.fit import insertion_of
 from engine.pipelines.placing.goals import goal_of
 from engine.pipelines.placing.looking import Looked, look
 from engine.pipelines.placing.site import Site
@@ -44,6 +46,8 @@ def place(
     counts = (len(task.holds.poses), int(at[0].sum()), int(at[1].sum()))
     holds = task.holds
     taken = tuple((holds.poses[n], holds.grasps[holds.grasp_of[n]].width_m) for n in np.nonzero(at[0])[0])
+    fit = insertion_of(task, brought(sighting, carries, T_goal))
+    carries = (*carries[:-1], replace(carries[-1], insertion=fit))
     return Placed(goal, sighting, T_start, T_goal, counts, carries, taken), looked
 
 

@@ -12,10 +12,12 @@ import numpy as np
 
 from engine.model.geometry import Floats
 from engine.pipelines.placing.answers import Carry, NotPlaced
+from engine.pipelines.placing.fit import insertion_of
 from engine.pipelines.placing.room import no_room
 from engine.pipelines.placing.site import Site
 from engine.pipelines.placing.task import Task
 from engine.pipelines.placing.ways import direct, possible, regrasped, rests
+from engine.stages.grasping.insertion import Insertion
 from engine.stages.grasping.support import carried_by
 
 STEADY_M = 0.002
@@ -97,6 +99,11 @@ class Yard:
 
         culprits = least(list(others), fails)
         return Obstacle(move, found.reason, tuple((name, others[name]) for name in culprits))
+
+    def insertion(self, move: Move, spots: Spots, covariance: Floats) -> Insertion | None:
+        """How the part goes in where it is enclosed at the end of a move, its pose there doubted by (6, 6)."""
+        others = {name: spot for name, spot in spots.items() if name != move.part}
+        return insertion_of(self._task(move, others), covariance)
 
     def _task(self, move: Move, others: Spots) -> Task:
         ends = self.pose(move.part, move.start), self.pose(move.part, move.end)

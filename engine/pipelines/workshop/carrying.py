@@ -1,15 +1,21 @@
 """A planned carry, carried out: guarded on the way in, and felt all the way. It stops where something is not as planned."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 
 from engine.model.geometry import Floats
 from engine.pipelines.placing.answers import Carry, Leg
+from engine.pipelines.placing.carrying import LIFT_M
+from engine.pipelines.workshop.inserting import ABOVE_M, inserted, raise_up
 from engine.pipelines.workshop.shop import Workshop
+from engine.stages.grasping.insertion import Insertion, Search
 
 GUARD_N = 15.0  # a push that stops the hand on its way to a part
 NARROW_M = 0.003  # jaws that close farther than this below the part's width hold something else, or nothing
+WIDER = 2.0  # times what was doubted: a second search
 SHORT_M = 0.004  # a hand that stays so far before its goal has met something there
 
 
@@ -39,9 +45,55 @@ def carry_out(shop: Workshop, part: str, carry: Carry) -> Went:
         _back(shop, way_in)
         return Went.NOT_GRIPPED
     shop.load = part
-    if not all(_full(shop, part, legs[name]) for name in ("lift", "carry", "lower")):
+    if not all(_full(shop, part, legs[name]) for name in ("lift", "carry")):
+        return Went.LOST
+    if carry.insertion is not None:
+        return _put_in(shop, part, carry, legs)
+    if not _full(shop, part, legs["lower"]):
         return Went.LOST
     return _let_go(shop, part, carry, legs["withdraw"])
+
+
+def _put_in(shop: Workshop, part: str, carry: Carry, legs: Mapping[str, Leg]) -> Went:
+    """Lower the part to above its hole, and insert it by the sense of force. What does not go in is brought back up."""
+    assert carry.insertion is not None
+    lower = legs["lower"]
+    if not _full(shop, part, replace(lower, path=_above(lower.path, carry.insertion))):
+        return Went.LOST
+    shop.permit(*shop.scene.cell.bodies)
+    if inserted(shop, part, carry):
+        return _let_go(shop, part, carry, legs["withdraw"])
+    return Went.BLOCKED if shop.holds(part) else _left(shop, lower)
+
+
+def searched_on(shop: Workshop, part: str, carry: Carry) -> Went:
+    """Search for the hole with a part that did not go in, on a spiral that is wider; it is laid down there if this fails, too."""
+    legs, plan = {leg.what: leg for leg in carry.legs}, carry.insertion
+    if plan is None or not shop.holds(part):
+        return _left(shop, legs["lower"])
+    wider = replace(plan, search=Search.SPIRAL, doubt_m=WIDER * max(plan.doubt_m, plan.room_m))
+    again = replace(carry, insertion=wider)
+    raise_up(shop, again)
+    if inserted(shop, part, again):
+        return _let_go(shop, part, carry, legs["withdraw"])
+    return _left(shop, legs["lower"])
+
+
+def _left(shop: Workshop, lower: Leg) -> Went:
+    """The part is left where it is, and the hand backs off."""
+    shop.open_for(shop.jaws.opening_m)
+    _back(shop, _own(shop, lower))
+    return Went.LOST
+
+
+def _above(path: Floats, plan: Insertion) -> Floats:
+    """The part of a straight way down that ends above the rim; its corners are at even distances."""
+    most = max(0.0, 1.0 - (plan.depth_m + ABOVE_M) / LIFT_M) * (len(path) - 1)
+    whole = int(most)
+    if whole == len(path) - 1:
+        return path
+    last = path[whole] + (most - whole) * (path[whole + 1] - path[whole])
+    return np.concatenate([path[: whole + 1], last[None]])
 
 
 def _full(shop: Workshop, part: str, leg: Leg) -> bool:

@@ -12,13 +12,14 @@ from engine.kernels.rigid import difference
 from engine.model.geometry import Floats
 from engine.model.vision import Located, Sighting
 from engine.pipelines.placing.answers import Carry
+from engine.pipelines.placing.camera_cell import camera_answer
 from engine.pipelines.placing.doubt import brought, within_m
 from engine.pipelines.placing.looking import Looked
 from engine.pipelines.placing.ordering import Key, Ordered, key_of, move_of
 from engine.pipelines.placing.placing import STILL_M, STILL_RAD, likeliest
 from engine.pipelines.placing.site import Site
 from engine.pipelines.placing.yard import Move, Obstacle, Spot, Yard
-from engine.pipelines.workshop.carrying import Went, carry_out
+from engine.pipelines.workshop.carrying import Went, carry_out, searched_on
 from engine.pipelines.workshop.eyes import Eyes
 from engine.pipelines.workshop.shop import Workshop
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
@@ -44,6 +45,7 @@ class PlacingCell:
     known: dict[Key, tuple[Carry, ...]] = field(default_factory=dict)
     about: str = ""  # the part of the last step
     refused: Obstacle | None = None  # why a step has no motion
+    held: Carry | None = None  # how the part is held that did not go into its hole
 
     def expect(self, order: Ordered) -> None:
         """The motions of a plan are carried out as they were proved, as long as they fit."""
@@ -55,17 +57,24 @@ class PlacingCell:
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:  # noqa: ARG002 - it moves bodies, not parts
         """Carry out a step: its reply."""
         step = _instance(text)
+        if (said := self.eyes.seeing.carry_out(step.name)) is not None:
+            return self._see_all() if step.name == "take_depth_map" else said
         move = move_of(step)
         self.about = move.part
         carries = self._planned(move)
         if isinstance(carries, Obstacle):
             self.refused = carries
             return NO_WAY
-        if move.end is Spot.GOAL and self._within_m(move, carries) > self.yard.site.scene.tolerance_m:
-            return UNSURE
+        if move.end is Spot.GOAL:
+            doubted = self._doubted(move, carries)
+            if within_m(doubted) > self.yard.site.scene.tolerance_m:
+                return UNSURE
+            fit = self.yard.insertion(move, self.spots, doubted)
+            carries = (*carries[:-1], replace(carries[-1], insertion=fit))
         for carry in carries:
             went = carry_out(self.shop, move.part, carry)
             if went is not Went.DONE:
+                self.held = carry if self.shop.load == move.part else None
                 return went
         self.spots[move.part] = move.end
         return expects or "done"
@@ -82,11 +91,11 @@ class PlacingCell:
         """Where the arm is: all joints of the world (k,)."""
         return self.yard.site.world.moved(self.shop.arm, self.shop.q).configuration
 
-    def _within_m(self, move: Move, carries: Sequence[Carry]) -> float:
-        """How far from its goal the part may come to lie."""
+    def _doubted(self, move: Move, carries: Sequence[Carry]) -> Floats:
+        """The covariance (6, 6) of where the part will be."""
         sighting = self.seen[move.part]
         assert isinstance(sighting, Located)
-        return within_m(brought(sighting, carries, self.yard.pose(move.part, move.end)))
+        return brought(sighting, carries, self.yard.pose(move.part, move.end))
 
     def missing(self, looked_at: Sequence[str]) -> str:  # noqa: ARG002 - the domain has no conditions that are watched
         """The first of some facts that is not so; none is looked at here."""
@@ -103,16 +112,17 @@ class PlacingCell:
             "look_from_the_hand": self._look_near,
             "look_at_the_goal": self._look_at_goal,
             "close_on_nothing": self._close,
-            "find_and_plan_anew": lambda: self._found(self.eyes.look(self.yard, self.spots, self.about)),
+            "find_and_plan_anew": self._find,
+            "search_for_the_hole": self._search,
             "correct_the_pose": lambda: self._found(self.eyes.look_near(self.yard, self.spots, self.about)),
         }
-        if action in acts:
-            return acts[action]()
+        if (said := camera_answer(self.eyes.seeing, action)) or action in acts:
+            return said or acts[action]()
         if action in self.model.tests:
             return self.model.tests[action].otherwise
         if action == "go_on_without":
             self.spots.pop(self.about, None)
-        return NOT_CURED if action == "search_for_the_hole" else CURED
+        return CURED
 
     def _look_again(self) -> str:
         looked = self.eyes.look(self.yard, self.spots, self.about)
@@ -125,10 +135,14 @@ class PlacingCell:
         sighting, before = looked.sightings[self.about], self.seen[self.about]
         if not isinstance(sighting, Located):
             return "nothing"
+        if self._has_moved(looked):
+            return "elsewhere"
         surer = isinstance(before, Located) and np.trace(sighting.covariance) < np.trace(before.covariance)
-        return "corrected" if surer or self._has_moved(looked) else "as_before"
+        return "corrected" if surer else "as_before"
 
     def _look_at_goal(self) -> str:
+        if self.held is not None:  # what is seen there is the part itself, in the hand
+            return "free"
         return "occupied" if self.eyes.goal_is_taken(self.yard, self.spots, self.about) else "free"
 
     def _close(self) -> str:
@@ -145,18 +159,45 @@ class PlacingCell:
 
     def _found(self, looked: Looked) -> str:
         """Believe what was seen of the part from now on; whether it was found."""
-        part, sighting = self.about, looked.sightings[self.about]
-        if not isinstance(sighting, Located):
+        if not isinstance(looked.sightings[self.about], Located):
             return NOT_CURED
-        old = self.yard.site
-        T = likeliest(sighting, looked.T_world_camera, self.yard.goals[part])
-        world = old.world.put(part, "world", T)
-        site = Site(old.scene, world, self.eyes.wide(looked, old.looked), {**old.found, part: T})
-        asides = {name: at for name, at in self.yard.asides.items() if name != part}
-        self.yard = replace(self.yard, site=site, asides=asides)
-        self.seen[part], self.spots[part] = sighting, Spot.FOUND
-        self.known.clear()
+        self._believe(looked)
+        self.spots[self.about] = Spot.FOUND
         return CURED
+
+    def _search(self) -> str:
+        """Search for the hole with the part that is still held, wider than before."""
+        if self.held is None or searched_on(self.shop, self.about, self.held) is not Went.DONE:
+            return NOT_CURED
+        self.spots[self.about], self.held = Spot.GOAL, None
+        return CURED
+
+    def _find(self) -> str:
+        """Look for the part anew; where it is seen where it was believed, nothing has been put right."""
+        looked = self.eyes.look(self.yard, self.spots, self.about)
+        if isinstance(looked.sightings[self.about], Located) and not self._has_moved(looked):
+            return NOT_CURED
+        return self._found(looked)
+
+    def _see_all(self) -> str:
+        """An image is taken, and all parts that have not been moved yet are believed where it shows them."""
+        parts = [name for name, spot in self.spots.items() if spot is Spot.FOUND]
+        looked = self.eyes.look(self.yard, self.spots, *parts)
+        self._believe(looked)
+        return f"map({self.eyes.seeing.looks}, {round(1000 * float((looked.image.depth > 0).mean()))})"
+
+    def _believe(self, looked: Looked) -> None:
+        """Believe what was seen of parts; those that are not found are believed where they were."""
+        old, found, world = self.yard.site, dict(self.yard.site.found), self.yard.site.world
+        for part, sighting in looked.sightings.items():
+            if isinstance(sighting, Located):
+                T = found[part] = likeliest(sighting, looked.T_world_camera, self.yard.goals[part])
+                world = world.put(part, "world", T)
+                self.seen[part] = sighting
+        site = Site(self.eyes.seeing.scene, world, self.eyes.wide(looked, old.looked), found)
+        asides = {name: at for name, at in self.yard.asides.items() if name not in looked.sightings}
+        self.yard = replace(self.yard, site=site, asides=asides)
+        self.known.clear()
 
 
 def _instance(text: str) -> Function:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -9,14 +10,18 @@ from engine.kernels.rigid import inverse, transform
 from engine.model.geometry import Floats
 from engine.model.vision import DepthImage
 from engine.pipelines.placing.looking import KNOWN, Looked, camera_of, camera_pose, depth_image, look
+from engine.pipelines.placing.optics import Errors, Optics
+from engine.pipelines.placing.seeing import Seeing
 from engine.pipelines.placing.yard import Spot, Yard
 from engine.pipelines.workshop.shop import Workshop
+from engine.pipelines.workshop.showing import Showing
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
 from engine.stages.vision.images import Sensor, disturbed, rendered
 from kb.model.cell import Placement
 from kb.model.scene import Scene
 
+NO_ERRORS = Errors()
 NEAR_M = 0.4  # how far above a part the camera of the hand looks at it
 ABOVE_M = 0.6  # how far above a goal it looks
 TAKEN_PX = 30  # pixels of something unknown that make a goal occupied
@@ -24,19 +29,27 @@ TAKEN_PX = 30  # pixels of something unknown that make a goal occupied
 
 @dataclass
 class Eyes:
-    """The cameras of a workshop. Each look has errors of its own."""
+    """The cameras of a workshop. That of the scene may have been knocked since it was calibrated; that of the hand is as it should be."""
 
     shop: Workshop
     seed: int = 0
+    knock: Errors = NO_ERRORS
     looks: int = 0
 
-    def look(self, yard: Yard, spots: Mapping[str, Spot], part: str) -> Looked:
-        """A part, in an image of the scene's camera; the other parts are known to be where they are believed."""
-        return self._looked(self.shop.scene, yard, spots, part)
+    @cached_property
+    def seeing(self) -> Seeing:
+        """The camera of the scene: what is believed of it, and how it is."""
+        scene = self.shop.scene
+        return Seeing(scene, Optics.of(scene, self.knock), self.shop.world, Showing(self.shop), self.seed)
+
+    def look(self, yard: Yard, spots: Mapping[str, Spot], *parts: str) -> Looked:
+        """Parts, in an image of the scene's camera; the other ones are known to be where they are believed."""
+        return look(self.seeing.scene, _believed(yard, spots), parts, 0, self.seeing.image())
 
     def look_near(self, yard: Yard, spots: Mapping[str, Spot], part: str) -> Looked:
         """The same from near by, above where the part is believed."""
-        return self._looked(_above(self.shop.scene, yard.pose(part, spots[part]), NEAR_M), yard, spots, part)
+        scene = _above(self.shop.scene, yard.pose(part, spots[part]), NEAR_M)
+        return look(scene, _believed(yard, spots), (part,), 0, self._image(scene).depth)
 
     def goal_is_taken(self, yard: Yard, spots: Mapping[str, Spot], part: str) -> bool:
         """Whether something that nobody knows is where a part belongs."""
@@ -50,13 +63,10 @@ class Eyes:
         return int((strange & own).sum()) > TAKEN_PX
 
     def wide(self, looked: Looked, before: Looked) -> Looked:
-        """The look to go on with: a new one from where the one before was, else that one, because it shows more of the scene."""
-        same = np.abs(looked.T_world_camera - before.T_world_camera).max() < 1e-9
+        """The look to go on with: a new one by the scene's camera, else the one before, because it shows more of the scene."""
+        own = camera_pose(self.seeing.scene, World.of(self.seeing.scene.cell))
+        same = np.abs(looked.T_world_camera - own).max() < 1e-9
         return looked if same else before
-
-    def _looked(self, scene: Scene, yard: Yard, spots: Mapping[str, Spot], part: str) -> Looked:
-        image = self._image(scene)
-        return look(scene, _believed(yard, spots), (part,), 0, image.depth)
 
     def _image(self, scene: Scene) -> DepthImage:
         self.looks += 1
@@ -76,4 +86,4 @@ def _above(scene: Scene, T_world_part: Floats, height_m: float) -> Scene:
     """The scene with its camera straight above a place, looking down."""
     at = transform(np.diag([1.0, -1.0, -1.0]), T_world_part[:3, 3] + [0.0, 0.0, height_m])
     placed = Placement("world", transforms.to_pose(at))
-    return replace(scene, camera=replace(scene.camera, placement=placed))
+    return replace(scene, camera=replace(scene.camera, placement=placed), calibrated=None)

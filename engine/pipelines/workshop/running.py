@@ -15,6 +15,7 @@ from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder, Watcher
 from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.assembling import Built
+from engine.pipelines.placing.optics import Errors
 from engine.pipelines.placing.ordering import NotBuilt, Ordered, ordered
 from engine.pipelines.placing.yard import Obstacle, Spot
 from engine.pipelines.simulation import SymbolicWorld
@@ -88,8 +89,9 @@ def executed(
     shifts: Sequence[Shift] = (),
     seed: int = 0,
     watchers: Sequence[Watcher] = (),
+    knock: Errors = Errors(),
 ) -> Executed:
-    """Carry out an assembly in physics, after somebody has shifted parts that were seen.
+    """Carry out an assembly in physics, after somebody has shifted parts that were seen. `knock` is by what the camera of the scene errs.
 
     When a part lies elsewhere than it was seen, the executive plans anew without geometry. If geometry refutes a step of such a
     plan, nothing is moved, and an order that is proved is made for what is left.
@@ -99,7 +101,7 @@ def executed(
     base = fault_base(built.problem)
     assert base is not None
     spots = dict.fromkeys(built.yard.goals, Spot.FOUND)
-    cell = PlacingCell(built.yard, shop, Eyes(shop, seed), base, dict(built.looked.sightings), spots)
+    cell = PlacingCell(built.yard, shop, Eyes(shop, seed, knock), base, dict(built.looked.sightings), spots)
     order: Ordered | NotBuilt = Ordered(built.moves, built.obstacles, built.problem, built.plan)
     runs: list[Finish] = []
     refused: list[Obstacle] = []

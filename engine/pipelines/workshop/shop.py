@@ -9,11 +9,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats
 from engine.model.grasping import ParallelJaws
 from engine.model.moves import Leg, LegKind
 from engine.pipelines.moves.hands import corners_s
 from engine.pipelines.placing.holding import HAND, jaws_of
+from engine.pipelines.witness.model import quaternion
 from engine.pipelines.witness.stage import Stage
 from engine.pipelines.witness.touches import body_of
 from engine.stages.geometry import transforms
@@ -76,15 +78,16 @@ class Workshop:
         leg = Leg(LegKind.WAY, self.arm, path, corners_s(mounted.arm, path, factor), True)
         began = self.seconds
         while (t := self.seconds - began) < leg.seconds:
-            self._aim(leg.at(t))
+            self.aim(leg.at(t))
             self._tick()
             if until is not None and until():
                 return False
-        self._aim(path[-1])
+        self.aim(path[-1])
         self.wait(SETTLE_S)
         return until is None or not until()
 
-    def _aim(self, q: Floats) -> None:
+    def aim(self, q: Floats) -> None:
+        """Aim the servos of the arm at joint values (k,)."""
         self.q = q
         for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q, strict=True):
             self.stage.aim(f"{self.arm}/{joint.name}", float(value))
@@ -98,6 +101,17 @@ class Workshop:
         """The jaws close until they meet something, or each other; how far apart they are then (m)."""
         self._jaws_to(self.jaws.opening_m / 2 + self.jaws.clearance_m)
         return self.width_m
+
+    def clamp(self, part: str, on: bool) -> None:
+        """Whether a part is clamped to the hand as it is now, as a target is for a calibration."""
+        model, data = self.stage.model, self.stage.data
+        number = int(model.equality(f"stuck/{part}").id)
+        T = inverse(self.pose(part)) @ self.pose(HAND)
+        model.eq_obj2id[number] = model.body(HAND).id if on else 0
+        model.eq_data[number, 3:6], model.eq_data[number, 6:10] = T[:3, 3], quaternion(T[:3, :3])
+        model.eq_solref[number], model.eq_solimp[number, :2] = (0.008, 1.0), (0.99, 0.999)
+        data.eq_active[number] = int(on)
+        model.body_gravcomp[model.body(part).id] = float(on)  # the controller is told the load
 
     def _jaws_to(self, way_m: float) -> None:
         for name in (LEFT, RIGHT):

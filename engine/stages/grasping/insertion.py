@@ -20,6 +20,7 @@ TURN_RAD_S = 0.25
 INSIDE = 2.0  # times what is doubted, that the lowest edge is set down inside the far wall
 LAG_M = 0.0006  # how far a hand that is led against a wall lags behind
 TILTING_S = 3.0  # what a search by tilting takes, about
+LOWER_M, STUCK_S = 0.0003, 0.5  # a part that has not got so much deeper for so long is not in its hole
 DEEP = 0.95  # of the depth: a part this deep is in
 DROPPED_M, DROPPED_ROOMS = (
     0.0005,
@@ -64,6 +65,11 @@ class Insertion:
         """How long the whole spiral takes."""
         return float(np.pi * self.doubt_m**2 / self.pitch_m / self.along_m_s)
 
+    @property
+    def drop_m(self) -> float:
+        """How far a part drops that is over its hole, and does not only lean."""
+        return max(self.room_m * DROPPED_ROOMS, DROPPED_M)
+
     def edge_m(self, lean_rad: float) -> float:
         """How far before the wrist, across, the lowest edge of a part is that is tilted so far."""
         return float(self.radius_m * np.cos(lean_rad) - self.length_m * np.sin(lean_rad))
@@ -102,6 +108,7 @@ class Phase(Enum):
 class Inserting:
     """The phase, where the hand is told to go (3,), how hard it presses, where contact was (3,), and how far round the spiral is.
 
+    `lowest_m` is how deep it has got while it is inserted, `stuck_s` for how long it has got no deeper.
     `lean_rad` is how far the part is told to tilt, about y of the hand, so that its edge at +x is lowest.
     """
 
@@ -111,6 +118,8 @@ class Inserting:
     contact: Floats | None = None
     turned_rad: float = 0.0
     lean_rad: float = 0.0
+    lowest_m: float = np.inf
+    stuck_s: float = 0.0
 
 
 def begun(at: Floats, plan: Insertion | None = None) -> Inserting:
@@ -138,7 +147,7 @@ def advance(plan: Insertion, now: Inserting, at: Floats, force_n: float, dt_s: f
         case Phase.RIGHT:
             return _righted(plan, now, at, dt_s)
         case Phase.INSERT:
-            return _inserted(plan, now, at)
+            return _inserted(plan, now, at, dt_s)
         case _:
             return now
 
@@ -149,6 +158,8 @@ def _approached(plan: Insertion, now: Inserting, at: Floats, force_n: float, dt_
         return replace(now, phase=Phase.DONE)
     if force_n < TOUCH_N:
         return replace(now, target=now.target - [0.0, 0.0, plan.down_m_s * dt_s])
+    if at[2] < -max(plan.doubt_m, plan.drop_m) and not now.lean_rad:  # it is in the hole, and rubs there
+        return replace(now, phase=Phase.INSERT, press_n=plan.press_n, contact=np.array([at[0], at[1], 0.0]))
     follows = {Search.NONE: Phase.INSERT, Search.SPIRAL: Phase.SEARCH, Search.TILT: Phase.LEAD}
     return replace(now, phase=follows[plan.search], press_n=plan.press_n, contact=at.copy())
 
@@ -183,7 +194,7 @@ def _righted(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Insert
 def _searched(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inserting:
     """Round the spiral while it presses, until the part drops by more than it can by leaning."""
     assert now.contact is not None
-    if at[2] < now.contact[2] - max(plan.room_m * DROPPED_ROOMS, DROPPED_M):
+    if at[2] < now.contact[2] - plan.drop_m:
         return replace(now, phase=Phase.INSERT, target=np.array([at[0], at[1], now.target[2]]))
     a = plan.pitch_m / (2 * np.pi)
     radius = a * now.turned_rad
@@ -194,9 +205,20 @@ def _searched(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inser
     return replace(now, turned_rad=turned, target=np.array([*(now.contact[:2] + offset), now.target[2]]))
 
 
-def _inserted(plan: Insertion, now: Inserting, at: Floats) -> Inserting:
-    """The hand presses, and gives way to the sides; the part is in when it is as deep as it should be."""
-    assert now.contact is not None
-    deep = at[2] < min(now.contact[2], 0.0) - DEEP * plan.depth_m
+def _inserted(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inserting:
+    """The hand presses, and gives way to the sides; the part is in when it is as deep as it should be.
+
+    One that gets no deeper has only leant on the rim: it is led on round the spiral, until it drops from there.
+    """
+    contact = now.contact
+    assert contact is not None
+    deep = at[2] < min(contact[2], 0.0) - DEEP * plan.depth_m
+    deeper = at[2] < now.lowest_m - LOWER_M
+    now = replace(
+        now, lowest_m=at[2] if deeper else now.lowest_m, stuck_s=0.0 if deeper else now.stuck_s + dt_s
+    )
+    if now.stuck_s > STUCK_S and plan.search is Search.SPIRAL and not deep:
+        leant = np.array([*contact[:2], at[2]])
+        return replace(now, phase=Phase.SEARCH, contact=leant, lowest_m=np.inf, stuck_s=0.0)
     sideways = at[:2] if plan.search is not Search.NONE else now.target[:2]
     return replace(now, phase=Phase.DONE if deep else now.phase, target=np.array([*sideways, now.target[2]]))

@@ -5,16 +5,17 @@ where the target sits in the hand is found out, too (robot-world and hand-eye ca
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from engine.kernels.rigid import inverse, rotation_vector, transform, turned
 from engine.model.geometry import Floats
-from engine.model.vision import DepthImage, Located
+from engine.model.vision import Camera, DepthImage, Located
 
 FEWEST = 3  # poses of the hand, distances of the plate, or pixels that show it
+FOCAL_SIGMA, CENTRE_SIGMA_PX = 0.01, 3.0  # what is doubted of the maker's intrinsics
 CONDITION = 3e13  # of the normal equations: beyond it, rounding decides what the images do not tell
 
 
@@ -74,14 +75,15 @@ def _axial(image: DepthImage) -> tuple[float, float, int]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraCalibration:
-    """Where a camera stands: `T_world_camera`, and where the target sat in the hand: `T_hand_target`.
+    """Where a camera stands: `T_world_camera`, its own `camera` (intrinsics), and where the target sat in the hand: `T_hand_target`.
 
-    `covariance` (6, 6) is that of a displacement of the camera (m) and of its turn (rad) about its own origin, along the axes of
-    the world. `misfit` is the mean square of what is left, in its own standard deviations: about 1 if all is as assumed.
+    `covariance` (9, 9) is that of a displacement of the camera (m) and of its turn (rad) about its own origin, along the axes of
+    the world, and of its focal length and centre (pixels). `misfit` is the mean square of what is left, in its own standard deviations: about 1 if all is as assumed.
     """
 
     T_world_camera: Floats
     T_hand_target: Floats
+    camera: Camera
     covariance: Floats
     misfit: float
     images: int
@@ -90,34 +92,62 @@ class CameraCalibration:
 def calibrated_camera(
     T_world_hand: Sequence[Floats],
     sightings: Sequence[Located],
+    camera: Camera,
     T_world_camera: Floats,
     T_hand_target: Floats,
+    made: Camera | None = None,
 ) -> CameraCalibration:
-    """The pose of a camera from sightings of a target in the hand, beginning with what is believed of both.
+    """The pose and the intrinsics of a camera from sightings of a target in the hand, beginning with what is believed of them.
 
-    Raises `ValueError` for fewer than three poses of the hand, or if these turn too little to tell.
+    The sightings were made with the intrinsics of `camera`. The true ones are sought near those of `made`, as the maker tells them
+    (`camera` if left out): within about 1 % and 3 pixels. Raises `ValueError` for fewer than three poses of the hand, or if these
+    turn too little to tell.
     """
     if len(sightings) < FEWEST:
         raise ValueError(f"the target was found at {len(sightings)} poses of the hand; {FEWEST} are needed")
     weights = [np.linalg.inv(np.linalg.cholesky(each.covariance)) for each in sightings]
+    told = _intrinsics(made or camera)
+    likely = np.array([told[0] * FOCAL_SIGMA, CENTRE_SIGMA_PX, CENTRE_SIGMA_PX])
+    believed = _intrinsics(camera)
 
     def rest(x: Floats) -> Floats:
-        back, held = inverse(_shifted(T_world_camera, x[:6])), _shifted(T_hand_target, x[6:])
+        back, held = inverse(_shifted(T_world_camera, x[:6])), _shifted(T_hand_target, x[6:12])
+        lens = believed + likely * x[12:]
         return np.concatenate(
             [
-                weight @ _apart(back @ hand @ held, each.best.T_camera_part)
-                for hand, each, weight in zip(T_world_hand, sightings, weights, strict=True)
+                *(
+                    weight @ _apart(_as_seen(back @ hand @ held, lens, believed), each.best.T_camera_part)
+                    for hand, each, weight in zip(T_world_hand, sightings, weights, strict=True)
+                ),
+                (lens - told) / likely,
             ]
         )
 
-    solved = least_squares(rest, np.zeros(12), x_scale="jac")
+    solved = least_squares(rest, np.zeros(15), x_scale="jac")
     information = solved.jac.T @ solved.jac
     if np.linalg.cond(information) > CONDITION:
         raise ValueError("the hand turned too little between the images to tell where the camera stands")
     misfit = float(2 * solved.cost / max(6 * len(sightings) - 12, 1))
-    covariance = np.linalg.inv(information)[:6, :6] * max(misfit, 1.0)
-    camera, target = _shifted(T_world_camera, solved.x[:6]), _shifted(T_hand_target, solved.x[6:])
-    return CameraCalibration(camera, target, covariance, misfit, len(sightings))
+    kept = [*range(6), *range(12, 15)]
+    unit = np.concatenate([np.ones(6), likely])
+    covariance = np.linalg.inv(information)[np.ix_(kept, kept)] * np.outer(unit, unit) * max(misfit, 1.0)
+    focal, *centre = believed + likely * solved.x[12:]
+    lens = replace(camera, focal_px=float(focal), centre_px=(float(centre[0]), float(centre[1])))
+    T_camera, T_target = _shifted(T_world_camera, solved.x[:6]), _shifted(T_hand_target, solved.x[6:12])
+    return CameraCalibration(T_camera, T_target, lens, covariance, misfit, len(sightings))
+
+
+def _intrinsics(camera: Camera) -> Floats:
+    """The focal length and the centre (3,) in pixels."""
+    return np.array([camera.focal_px, *camera.centre_px])
+
+
+def _as_seen(T: Floats, lens: Floats, believed: Floats) -> Floats:
+    """Where a body at T_camera_body (4, 4) seems to be if its picture is read with other intrinsics than those that it was made by."""
+    found = T.copy()
+    pixel = lens[0] * T[:2, 3] / T[2, 3] + lens[1:]
+    found[:2, 3] = (pixel - believed[1:]) / believed[0] * T[2, 3]
+    return found
 
 
 def _shifted(T: Floats, x: Floats) -> Floats:

@@ -1,0 +1,82 @@
+"""How tightly a part sits at its goal: how much room it has on each side, and how deep it goes in. Insertions follow from that."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.pipelines.placing.task import Task
+from engine.plugins import geometry_backend
+from engine.stages.geometry.world.scenes import free_scene_of
+from engine.stages.grasping.insertion import Insertion, planned
+
+LOOSE_M = 0.003  # a part with more room than this is not inserted, but laid down
+TOUCH_M = 2e-5  # what overlaps by less does not count: relations are met to this
+FINE_M = 5e-6  # how exactly the room is found
+STEP_M, HIGHEST_M = 0.002, 0.15  # how far up a part is lifted until it is free
+WAYS = np.array([[np.cos(a), np.sin(a), 0.0] for a in np.arange(8) * np.pi / 4])
+Free = Callable[[Floats], bool]
+
+
+def insertion_of(task: Task, covariance: Floats) -> Insertion | None:
+    """The insertion at the goal of a part whose pose there is doubted by `covariance` (6, 6); None if it is not enclosed there.
+
+    The hole is believed where it is modelled, and the arm is as exact as the scene says; the part goes in along the vertical. It searches where three standard deviations
+    across exceed the room.
+    """
+    free = _free(task)
+    room = _room(task.T_goal, free)
+    if room is None:
+        return None
+    depth = _depth(task.T_goal, free)
+    doubted = covariance[:2, :2] + task.scene.hand.accuracy_m**2 * np.eye(2)
+    return planned(depth, room, doubted) if depth > 0 else None
+
+
+def _free(task: Task) -> Free:
+    checker = geometry_backend().checker(free_scene_of(task.world, task.part))
+
+    def free(T: Floats) -> bool:
+        deepest = next(iter(checker.contacts(T, 0.0)), None)
+        return deepest is None or deepest.distance_m > -TOUCH_M
+
+    return free
+
+
+def _shifted(T: Floats, by: Floats) -> Floats:
+    found = T.copy()
+    found[:3, 3] += by
+    return found
+
+
+def _room(T: Floats, free: Free) -> float | None:
+    """The least room (m) on each side of a part that is enclosed on all sides; None if it is not, or does not fit at all."""
+    if not free(T):
+        return None
+    least = np.inf
+    for way in WAYS[:4]:
+        both = [_least_stop(T, sense * way, free) for sense in (1.0, -1.0)]
+        if None in both:
+            return None
+        least = min(least, sum(each for each in both if each is not None) / 2)
+    return float(least) if least > FINE_M else None
+
+
+def _least_stop(T: Floats, way: Floats, free: Free) -> float | None:
+    """How far (m) the part can go some way; None if farther than what is tight."""
+    if free(_shifted(T, LOOSE_M * way)):
+        return None
+    low, high = 0.0, LOOSE_M
+    while high - low > FINE_M:
+        middle = (low + high) / 2
+        low, high = (middle, high) if free(_shifted(T, middle * way)) else (low, middle)
+    return low
+
+
+def _depth(T: Floats, free: Free) -> float:
+    """How far (m) up the part is enclosed on some side; 0 if it is nowhere free above."""
+    for height in np.arange(STEP_M, HIGHEST_M, STEP_M):
+        up = np.array([0.0, 0.0, height])
+        if all(free(_shifted(T, LOOSE_M * way + up)) for way in WAYS):
+            return float(height)
+    return 0.0

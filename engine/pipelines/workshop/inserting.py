@@ -1,0 +1,141 @@
+"""A part goes into its hole by the sense of force: the controller of `engine.stages.grasping.insertion`, on an arm with servos.
+
+The arm goes where the controller says by the Jacobian of the hand. Where it presses, the height gives way: it goes down as fast as
+force is lacking (admittance). The force is that of all contacts of the part but those with the hand, as a sensor at the wrist feels it.
+"""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from engine.kernels.rigid import rotation_vector
+from engine.model.geometry import Floats
+from engine.pipelines.placing.answers import Carry
+from engine.pipelines.placing.holding import HAND
+from engine.pipelines.witness.touches import body_of
+from engine.pipelines.workshop.shop import LEFT, RIGHT, Workshop
+from engine.stages.grasping.insertion import Insertion, Phase, Search, advance, begun
+
+ABOVE_M = 0.006  # over the rim, where the search begins
+LOOK_S = 0.01  # between two looks at the force
+YIELD = 0.0015  # m/s of height for each newton that is lacking
+FASTEST = 0.02  # m/s
+PULLS = 2.0  # 1/s: friction holds a part that is led across a surface back, until the servos have caught up
+ALONG_M_S = 0.0025  # on the spiral: the servos of an arm lag
+PRESS_N = 6.0  # a part that is pressed harder leans between the pads
+CLOSER = 0.6  # of the room: the turns of the spiral, as the part gives way between the pads
+MOST_S = 60.0
+STILL_S, STILL_M = 3.0, 0.0002  # a part that gets no deeper for so long is stuck
+DAMPED = 1e-4  # of the inverse of the Jacobian
+PRESSING = (Phase.SEARCH, Phase.LEAD, Phase.RIGHT, Phase.INSERT)
+
+
+def inserted(shop: Workshop, part: str, carry: Carry) -> bool:
+    """Whether a part that the hand holds over its hole goes in. The arm is above the rim; it is left where it has got to."""
+    assert carry.insertion is not None
+    plan = carry.insertion
+    plan = replace(plan, along_m_s=ALONG_M_S, press_n=PRESS_N, room_m=CLOSER * plan.room_m)
+    servo = _Servo(shop, carry, plan)
+    now, force, deepest, since = begun(servo.at(), plan), 0.0, np.inf, shop.seconds
+    until = shop.seconds + MOST_S
+    while shop.seconds < until and now.phase not in (Phase.DONE, Phase.FAILED):
+        now = advance(plan, now, servo.at(), force, LOOK_S)
+        servo.go(now.target, plan.press_n - force if now.phase in PRESSING else None)
+        shop.wait(LOOK_S)
+        force = _push_n(shop, part)
+        at = servo.at()
+        if now.phase is not Phase.INSERT or at[2] < deepest - STILL_M:
+            deepest, since = float(at[2]), shop.seconds
+        if shop.seconds - since > STILL_S:
+            return False
+    if now.phase is Phase.DONE:
+        _to_the_end(shop, part, servo, plan)
+    return now.phase is Phase.DONE
+
+
+def raise_up(shop: Workshop, carry: Carry) -> None:
+    """Back up to above the rim, from wherever an insertion has ended."""
+    assert carry.insertion is not None
+    servo = _Servo(shop, carry, carry.insertion)
+    height = float(servo.at()[2])
+    while height < ABOVE_M:
+        height += carry.insertion.down_m_s * LOOK_S
+        servo.go(np.array([0.0, 0.0, height]), None)
+        shop.wait(LOOK_S)
+
+
+def _to_the_end(shop: Workshop, part: str, servo: "_Servo", plan: Insertion) -> None:
+    """On to the depth that was meant, unless the bottom comes before."""
+    x, y, height = servo.at()
+    while height > -plan.depth_m and _push_n(shop, part) < plan.press_n:
+        height -= plan.down_m_s * LOOK_S
+        servo.go(np.array([x, y, height]), None)
+        shop.wait(LOOK_S)
+
+
+class _Servo:
+    """The arm as the controller sees it: places are those of the part beside its goal, heights count from the rim."""
+
+    def __init__(self, shop: Workshop, carry: Carry, plan: Insertion) -> None:
+        self.shop, joints = shop, shop.scene.cell.arms[shop.arm].arm.joints
+        model = shop.stage.model
+        self.own = [int(model.joint(f"{shop.arm}/{each.name}").dofadr[0]) for each in joints]
+        self.straight = plan.search is Search.NONE
+        T_hand_tool = np.linalg.inv(shop.stage.pose(HAND)) @ self._tool()
+        self.T_goal = (
+            carry.T_world_to @ carry.T_part_hand @ np.linalg.inv(T_hand_tool)
+        )  # of the body of the hand
+        self.rim = self.T_goal[:3, 3] + [0.0, 0.0, plan.depth_m]
+        self.height, self.lags = self.at()[2], np.zeros(2)
+
+    def _tool(self) -> Floats:
+        shop = self.shop
+        return shop.stage.actual(shop.stage.world).pose("world", f"{shop.arm}.tool")
+
+    def at(self) -> Floats:
+        """Where the hand is (3,), from above the hole at the height of the rim."""
+        found: Floats = self.shop.stage.pose(HAND)[:3, 3] - self.rim
+        return found
+
+    def go(self, target: Floats, lacking_n: float | None) -> None:
+        """Aim at a place (3,); where force is lacking, the height follows from that."""
+        if lacking_n is None:
+            self.height = target[2]
+        else:
+            self.height -= float(np.clip(YIELD * lacking_n, -FASTEST, FASTEST)) * LOOK_S
+            self.lags += PULLS * LOOK_S * (target[:2] - self.at()[:2])
+        wanted = np.array([target[0] + self.lags[0], target[1] + self.lags[1], self.height]) + self.rim
+        q, shop = self.shop.q, self.shop
+        T = self._aimed()
+        off = np.concatenate([wanted - T[:3, 3], rotation_vector(self.T_goal[:3, :3] @ T[:3, :3].T)])
+        J = self._jacobian()
+        step = J.T @ np.linalg.solve(J @ J.T + DAMPED**2 * np.eye(6), off)
+        shop.aim(q + np.clip(step, -0.02, 0.02))
+
+    def _aimed(self) -> Floats:
+        """Where the hand would be if its servos did not lag."""
+        shop = self.shop
+        world = shop.stage.world.moved(shop.arm, shop.q)
+        return world.pose("world", HAND)
+
+    def _jacobian(self) -> Floats:
+        stage = self.shop.stage
+        moves, turns = np.zeros((3, stage.model.nv)), np.zeros((3, stage.model.nv))
+        body = stage.model.body(HAND).id
+        mujoco.mj_jac(stage.model, stage.data, moves, turns, stage.data.body(HAND).xpos, body)
+        return np.concatenate([moves[:, self.own], turns[:, self.own]])
+
+
+def _push_n(shop: Workshop, part: str) -> float:
+    """How hard a part and the hand are pushed up by everything else (N)."""
+    own, pushed = {part, HAND, LEFT, RIGHT}, 0.0
+    stage, force = shop.stage, np.zeros(6)
+    for number in range(stage.data.ncon):
+        contact = stage.data.contact[number]
+        first, second = (body_of(stage.model, geom) in own for geom in contact.geom)
+        if first != second:
+            mujoco.mj_contactForce(stage.model, stage.data, number, force)
+            up = float(contact.frame.reshape(3, 3)[:, 2] @ force[:3])  # on the second body
+            pushed += up if second else -up
+    return pushed

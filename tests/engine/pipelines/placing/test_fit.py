@@ -1,0 +1,51 @@
+"""How tightly a part sits at its goal, and the insertion that follows from it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.pipelines.placing.answers import Placed
+from engine.pipelines.placing.fit import insertion_of
+from engine.pipelines.placing.looking import look
+from engine.pipelines.placing.placing import place
+from engine.pipelines.placing.site import Site
+from engine.pipelines.placing.task import Task
+from engine.stages.geometry.world.model import World
+from engine.stages.grasping.insertion import Search
+from kb.loader.scene import load_scene
+from kb.model.scene import Scene
+from kb.targets import BUNDLED
+
+PEG = load_scene(BUNDLED / "handey" / "scenes" / "peg.yaml")
+NOTHING = np.zeros((6, 6))
+
+
+def task(scene: Scene, x_m: float = 0.0, z_m: float = 0.0) -> Task:
+    world = World.of(scene.cell)
+    T = np.eye(4)
+    T[:3, 3] = 0.42 + x_m, -0.29, 0.06 + z_m
+    looked = look(scene, world, (), 0)
+    start = world.pose("world", "peg")
+    return Site.of(scene, world, looked, {"peg": start}).task("peg", (start, T))
+
+
+@pytest.mark.parametrize("x_m", [0.0, 0.00004, -0.00004])
+def test_the_room_and_the_depth_are_those_of_the_hole(x_m: float) -> None:
+    found = insertion_of(task(PEG, x_m), NOTHING)
+    assert found is not None
+    assert found.room_m == pytest.approx(0.0001, abs=0.00003)
+    assert found.depth_m == pytest.approx(0.03, abs=0.003)
+
+
+def test_a_part_that_stands_free_is_not_inserted() -> None:
+    assert insertion_of(task(PEG, z_m=0.1), NOTHING) is None
+
+
+@pytest.mark.parametrize(("accuracy_m", "search"), [(0.0, Search.NONE), (0.0003, Search.SPIRAL)])
+def test_a_search_is_chosen_where_the_doubt_exceeds_the_room(accuracy_m: float, search: Search) -> None:
+    found, _ = place(replace(PEG, hand=replace(PEG.hand, accuracy_m=accuracy_m)), "peg", "block")
+    assert isinstance(found, Placed)
+    last = found.carries[-1].insertion
+    assert last is not None
+    assert last.search is search
