@@ -26,7 +26,7 @@ demo: $(VENV)/ready
 test slow laws long check: export PYTHONDONTWRITEBYTECODE :=
 
 test: $(VENV)/ready
-	$(BIN)/python -m compileall -q -j 0 kb engine
+	$(BIN)/python -m compileall -q -j 0 cellwright kb engine
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
 slow: $(VENV)/ready

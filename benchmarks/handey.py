@@ -210,7 +210,7 @@ def _executed(scene: Scene, found: Placed) -> bool:
 
     shop = Workshop(scene)
     went, (metres, _) = brought(scene, "angle", found, shop)
-    return went is Went.DONE and metres < 0.003 and not shop.stage.touched
+    return went is Went.DONE and metres < 0.003 and not shop.stage.touches.found
 
 
 def monitoring(number: int, first: int) -> Figures:
