@@ -153,7 +153,8 @@ def measure(folder: Path) -> None:
 
 @pytest.fixture
 def desk(furnished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of that folder, in which the test runs."""
+    """A copy of that folder, in which the test runs, as from a shell that everybody has."""
+    monkeypatch.setattr("shellingham.detect_shell", lambda: ("bash", "/bin/bash"))
     monkeypatch.chdir(shutil.copytree(furnished, tmp_path / "desk"))
     return tmp_path / "desk"
 

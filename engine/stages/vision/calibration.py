@@ -124,17 +124,22 @@ def calibrated_camera(
         )
 
     solved = least_squares(rest, np.zeros(15), x_scale="jac")
-    information = solved.jac.T @ solved.jac
-    if np.linalg.cond(information) > CONDITION:
-        raise ValueError("the hand turned too little between the images to tell where the camera stands")
     misfit = float(2 * solved.cost / max(6 * len(sightings) - 12, 1))
-    kept = [*range(6), *range(12, 15)]
-    unit = np.concatenate([np.ones(6), likely])
-    covariance = np.linalg.inv(information)[np.ix_(kept, kept)] * np.outer(unit, unit) * max(misfit, 1.0)
+    covariance = _told(solved.jac, np.concatenate([np.ones(6), likely])) * max(misfit, 1.0)
     focal, *centre = believed + likely * solved.x[12:]
     lens = replace(camera, focal_px=float(focal), centre_px=(float(centre[0]), float(centre[1])))
     T_camera, T_target = _shifted(T_world_camera, solved.x[:6]), _shifted(T_hand_target, solved.x[6:12])
     return CameraCalibration(T_camera, T_target, lens, covariance, misfit, len(sightings))
+
+
+def _told(jacobian: Floats, units: Floats) -> Floats:
+    """The covariance (9, 9) of pose and intrinsics, in their `units` (9,). Raises `ValueError` if the images do not tell them."""
+    information = jacobian.T @ jacobian
+    if np.linalg.cond(information) > CONDITION:
+        raise ValueError("the hand turned too little between the images to tell where the camera stands")
+    kept = [*range(6), *range(12, 15)]
+    covariance: Floats = np.linalg.inv(information)[np.ix_(kept, kept)] * np.outer(units, units)
+    return covariance
 
 
 def _intrinsics(camera: Camera) -> Floats:
