@@ -106,9 +106,8 @@ def calibrated_camera(
     if len(sightings) < FEWEST:
         raise ValueError(f"the target was found at {len(sightings)} poses of the hand; {FEWEST} are needed")
     weights = [np.linalg.inv(np.linalg.cholesky(each.covariance)) for each in sightings]
-    told = _intrinsics(made or camera)
+    believed, told = _intrinsics(camera), _intrinsics(made or camera)
     likely = np.array([told[0] * FOCAL_SIGMA, CENTRE_SIGMA_PX, CENTRE_SIGMA_PX])
-    believed = _intrinsics(camera)
 
     def rest(x: Floats) -> Floats:
         back, held = inverse(_shifted(T_world_camera, x[:6])), _shifted(T_hand_target, x[6:12])

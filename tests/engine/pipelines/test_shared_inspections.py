@@ -48,6 +48,7 @@ def test_each_arm_begins_on_its_side_and_both_are_done_at_once() -> None:
     assert found.tools["m1"] == "west_probe"
 
 
+@pytest.mark.slow
 def test_shares_are_the_best_of_all_ways_to_share() -> None:
     problem = six()
     asked, best = shares(problem), None
