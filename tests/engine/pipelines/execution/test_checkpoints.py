@@ -92,7 +92,10 @@ def essence(found: Past) -> dict[str, object]:
     }
 
 
-@pytest.mark.parametrize("name", RUNS)
+@pytest.mark.parametrize(
+    "name",
+    ["a recovery", *(pytest.param(each, marks=pytest.mark.slow) for each in RUNS if each != "a recovery")],
+)
 def test_a_run_from_its_last_checkpoint_is_the_run_from_its_beginning(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:

@@ -86,6 +86,7 @@ def test_the_other_tool_stays_in_the_rack_where_its_exchange_costs_more_than_a_d
     assert {one.tool for each in survey.features for one in each.values} == {"probe"}
 
 
+@pytest.mark.slow
 def test_a_drift_that_a_calibration_finds_puts_the_values_since_the_last_one_in_doubt(tmp_path: Path) -> None:
     truth = {
         "values": {f"p{n}": 8000.0 for n in range(1, 31)},

@@ -109,7 +109,11 @@ def test_a_step_that_is_not_there_is_bad_input() -> None:
 @pytest.mark.parametrize(
     ("operator", "gap"),
     [
-        ("pick", "no operator makes at(b1, gripper) true, and put(b1, filler) needs it"),
+        pytest.param(
+            "pick",
+            "no operator makes at(b1, gripper) true, and put(b1, filler) needs it",
+            marks=pytest.mark.slow,
+        ),
         ("put", "no operator makes at(b1, filler) true, and fill(b1, 250) needs it"),
         ("weigh", "no operator makes weighed(b1) true, and the goal needs it"),
     ],

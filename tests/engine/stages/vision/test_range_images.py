@@ -172,6 +172,7 @@ def test_a_rim_before_something_else_on_a_leaning_part_has_all_its_pixels() -> N
     assert float((np.abs(off / sigma) < 3.0).mean()) > 0.8
 
 
+@pytest.mark.slow
 def test_beams_beside_their_direction_are_rendered_as_exactly_as_those_that_are_not() -> None:
     """Between the samples of a rendered picture a beam is as wide as it is: samples four times as near make no difference."""
     around = np.linspace(0.0, 2.0 * np.pi, 601)[:-1]
