@@ -68,8 +68,8 @@ class _FaultReader:
             if self._known("cause", cause, causes, place):
                 counts[cause] = float(count.value)
         operator = self._operator(node, "of")
-        if operator is not None:
-            self._bind(operator, node.file.path)
+        if operator is not None and (said := _child(node, "of")) is not None:
+            self._bind(operator, said.file.path)  # another device may have begun the entry
         return Interruption(
             name, _text(node, "say"), counts, operator, _text(node, "reply") or "timeout", key.where
         )

@@ -20,7 +20,7 @@ class ParameterEntry(Strict):
 
 
 class ExampleEntry(Strict):
-    """What `cellwright init --with` writes for it. `P` stands for a probe."""
+    """What the verb `init` writes for it. `P` stands for a probe."""
 
     objects: str | None = Field(None, description="an object that a problem has to have: `measurement: wall`")
     static: str | None = Field(None, description="facts that never change, which a problem has to give")

@@ -55,6 +55,7 @@ EOF
 PLACEHOLDERS = {
     "TARGET": "mine/problems/two_items.yaml",
     "FOLDER": "mine",
+    "DEVICE": "furnace",
     "FILE": "plan.json",
     "KIND": "domain",
     "STEP": "1",

@@ -23,7 +23,7 @@ GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
 # Rounds of the ascent: how many steps as a share of those that suit the cities, and the share of what is lacking that a step
 # makes up for, at its beginning and its end. After each round edges that are lacking are added.
 CLUSTERED = 1.5  # the same share for the ascent over clusters, which comes first
-ROUNDS = ((1.0, 1.0, 0.01), (0.5, 0.03, 0.001), (0.25, 0.003, 0.0003), (0.1, 0.001, 0.0003))
+ROUNDS = ((0.0, 1.0, 1.0), (1.0, 1.0, 0.01), (0.5, 0.03, 0.001), (0.25, 0.003, 0.0003), (0.1, 0.001, 0.0003))
 AT_ONCE = ((1.0, 0.1, 0.0001),)  # the rounds for so many cities that nobody looks for lacking edges
 AIM, LITTLE = (
     0.03,
