@@ -29,12 +29,9 @@ CARRIED = 0.15  # the share of a part's surroundings that must be as high as the
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead.
+    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead."""
 
-    Inside a true part, chance contradicts about one pixel in 2,000 at 3.5 standard deviations; six times as many are too many.
-    """
-
-    agreeing: float = 0.997
+    agreeing: float = 0.99
     seen: float = 0.4
     edged: float = 0.88
     pixels: int = 250
@@ -117,7 +114,7 @@ def _doubt(best: Hypothesis, demands: Demands) -> str:
     if best.pixels < demands.pixels or best.seen < demands.seen:
         return f"too little of the part would be seen: {best.pixels} pixels, {best.seen:.0%} of its picture"
     if best.agreeing < demands.agreeing:
-        return f"the image shows through the part: only {best.agreeing:.1%} of it agrees"
+        return f"the image shows through the part: only {best.agreeing:.0%} of it agrees"
     if best.edged < demands.edged:
         return f"the outline does not end where the part would: only {best.edged:.0%} of it does"
     return ""
