@@ -11,11 +11,12 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.inspection_peers import Beside, Truth, beside, told
 from engine.kernels.rigid import apply, inverse, transform, translation, turned
 from engine.model.fits import Fit, Shape
 from engine.model.geometry import Floats
@@ -43,6 +44,7 @@ class Case:
     placed: Placed
     asked: list[Asked]
     errors: Callable[[Mapping[str, Fit]], dict[str, Error]]
+    truth: Truth = field(default_factory=dict)
 
 
 def surface(corners: Floats) -> Solid:
@@ -110,7 +112,10 @@ def plane_case(random: np.random.Generator) -> Case:
             "lean of a plane": (float(lean[0]), fit.deviation("tilt_x")),
         }
 
-    return Case([(plate(), T)], [Asked("a", Shape.PLANE, WHOLE)], errors)
+    def off(point: Floats, normal: Floats) -> float:
+        return float(normal @ (point - T[:3, 3])) * float(np.sign(normal @ T[:3, 2]))
+
+    return Case([(plate(), T)], [Asked("a", Shape.PLANE, WHOLE)], errors, {"plane": off})
 
 
 def size(name: str, truth: float, parameter: str) -> Callable[[Mapping[str, Fit]], dict[str, Error]]:
@@ -167,7 +172,7 @@ def hole_case(random: np.random.Generator) -> Case:
             "position of a hole": (float(local[side]), found["a"].deviation("xy"[side])),
         }
 
-    return Case(placed, [Asked("a", Shape.CIRCLE, WHOLE)], errors)
+    return Case(placed, [Asked("a", Shape.CIRCLE, WHOLE)], errors, {"radius": radius})
 
 
 def step_case(random: np.random.Generator) -> Case:
@@ -235,18 +240,29 @@ def pictured(case: Case, random: np.random.Generator) -> RangeImage:
     return found
 
 
-def one(name: str, number: int, seed: int) -> tuple[dict[str, Error] | None, int, float]:
-    """The errors of one image, None where a shape was refused; the number of its patches; milliseconds."""
+class One(NamedTuple):
+    """The errors of one image, None where a shape was refused; the number of its patches; milliseconds; what peers find."""
+
+    errors: dict[str, Error] | None
+    patches: int
+    ms: float
+    peers: list[Beside]
+
+
+def one(name: str, number: int, seed: int) -> One:
+    """One image of a kind, measured."""
     began = time.process_time()
     random = np.random.default_rng([seed, list(CASES).index(name), number])
     case = CASES[name](random)
-    found = dimensions(pictured(case, random), case.asked).fits
-    fits = {key: each for key, each in found.items() if isinstance(each, Fit)}
-    errors = case.errors(fits) if len(fits) == len(found) else None
-    return errors, len(case.asked), 1e3 * (time.process_time() - began)
+    image = pictured(case, random)
+    found = dimensions(image, case.asked)
+    fits = {key: each for key, each in found.fits.items() if isinstance(each, Fit)}
+    errors = case.errors(fits) if len(fits) == len(found.fits) else None
+    spent = 1e3 * (time.process_time() - began)
+    return One(errors, len(case.asked), spent, beside(image, case.asked, found, case.truth))
 
 
-def some(work: tuple[str, range, int]) -> list[tuple[dict[str, Error] | None, int, float]]:
+def some(work: tuple[str, range, int]) -> list[One]:
     """The same for images of one kind."""
     name, numbers, seed = work
     return [one(name, number, seed) for number in numbers]
@@ -260,13 +276,16 @@ def patches(count: int, seed: int) -> dict[str, Any]:
         found = list(pool.map(some, work))
     off: dict[str, list[Error]] = {}
     refused, made, spent = 0, 0, 0.0
-    for errors, number, ms in (each for part in found for each in part):
-        made, spent, refused = made + number, spent + ms, refused + (number if errors is None else 0)
-        for name, error in (errors or {}).items():
+    images = [each for part in found for each in part]
+    for each in images:
+        made, spent = made + each.patches, spent + each.ms
+        refused += each.patches if each.errors is None else 0
+        for name, error in (each.errors or {}).items():
             off.setdefault(name, []).append(error)
-    told = {name: told_of(each) for name, each in off.items()}
+    rows = {name: told_of(each) for name, each in off.items()}
     every = [each for errors in off.values() for each in errors]
-    return {**told, "all": {**told_of(every), "patches": made, "refused": refused, "ms": round(spent / made)}}
+    whole = {**told_of(every), "patches": made, "refused": refused, "ms": round(spent / made)}
+    return {**rows, "all": whole, "peers": told([peer for each in images for peer in each.peers])}
 
 
 def told_of(errors: list[Error]) -> dict[str, float]:

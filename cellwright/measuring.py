@@ -72,23 +72,31 @@ def align(
 
 
 def image(
-    target: Target, measurement: str, *, expected_mm: float = 1.0, seed: int = 0
+    target: Target,
+    measurement: str,
+    *,
+    given: "str | PathLike[str] | None" = None,
+    expected_mm: float = 1.0,
+    seed: int = 0,
 ) -> "Told[MeasuredSurface | Vague]":
-    """The range image that a measurement is taken from, and what is measured in its patch; made from the cell.
+    """The range image that a measurement is taken from, and what is measured in its patch; without a `given` file it is made from the cell.
 
     `expected_mm` is the standard deviation of the place of the part. Status: found, or refused. Raises `InvalidInput`.
     """
     from rich.text import Text
 
+    from engine.formats.interop.range_files import read_ranges
     from engine.formats.report import ranges
     from engine.model.ranging import Vague
-    from engine.pipelines.dimensions.surfaces import measured_surface
+    from engine.pipelines.dimensions.surfaces import Seeing, measured_surface
     from engine.plugins import geometry_backend
     from kb.loader.cell import cell_of
 
     problem = load(target)
     where = cell_of(problem.path)
-    found = measured_surface(problem, where, geometry_backend(), measurement, expected_mm * 1e-3, seed, None)
+    read = None if given is None else lambda tool: read_ranges(Path(given), tool)
+    seeing = Seeing(expected_mm * 1e-3, seed, read=read)
+    found = measured_surface(problem, where, geometry_backend(), measurement, seeing)
     if isinstance(found, Vague):
         return Told(found, "refused", lambda _: {"reason": found.reason}, lambda _: Text(found.reason))
     return Told(

@@ -66,9 +66,24 @@ def _lines(found: Fitting) -> list[str]:
     return [*lines, f"the points that belong to it deviate {off}"]
 
 
+def _place(found: Fit) -> str:
+    """Where a shape is, and how sure that is in the directions in which it can be told."""
+    where = f"({', '.join(f'{1e3 * each:.4f}' for each in found.origin)}) mm"
+    if found.shape in (Shape.SPHERE, Shape.CIRCLE):
+        turned = found.T_world_shape[:3, :3] @ found.covariance[:3, :3] @ found.T_world_shape[:3, :3].T
+        return f"centre {where} to ({', '.join(_wide(each) for each in np.sqrt(np.diag(turned)))}) mm"
+    if found.shape is Shape.PLANE:
+        return f"point on it {where} to {_wide(found.deviation('z'))} mm along its normal"
+    across = float(np.sqrt(np.linalg.eigvalsh(found.covariance[:2, :2])[-1]))
+    return f"point on its axis {where} to {_wide(across)} mm across it"
+
+
+def _wide(sigma_m: float) -> str:
+    return f"{1e3 * COVERAGE * sigma_m:.2g}"
+
+
 def _sizes(found: Fit) -> list[str]:
-    where = ", ".join(f"{1e3 * each:.3f}" for each in found.origin)
-    lines = [f"{'centre' if found.shape in (Shape.SPHERE, Shape.CIRCLE) else 'point on it'} ({where}) mm"]
+    lines = [_place(found)]
     if found.shape is not Shape.SPHERE:
         name = "normal" if found.shape in (Shape.PLANE, Shape.CIRCLE) else "axis"
         tilt = np.degrees(COVERAGE * max(found.deviation("tilt_x"), found.deviation("tilt_y")))
