@@ -36,7 +36,7 @@ def entry(found: Fitting) -> dict[str, Any]:
 
 def related(found: Iterable[Related]) -> list[dict[str, Any]]:
     """Distances in metres and angles in radians, with their standard deviations."""
-    return [{"what": each.what, "value": each.value, "sigma": each.sigma} for each in found]
+    return [{"what": each.what, "of": each.of, "value": each.value, "sigma": each.sigma} for each in found]
 
 
 def text(found: Iterable[Fitting], between: Iterable[Related]) -> Text:
@@ -49,8 +49,8 @@ def text(found: Iterable[Fitting], between: Iterable[Related]) -> Text:
 def _between(each: Related) -> str:
     sure = COVERAGE * each.sigma
     if each.what == "angle":
-        return f"angle between them {np.degrees(each.value):.4f} degrees to {np.degrees(sure):.2g} degrees"
-    return f"{each.what} between them {1e3 * each.value:.4f} mm to {1e3 * sure:.2g} mm"
+        return f"angle {each.of} {np.degrees(each.value):.4f} degrees to {np.degrees(sure):.2g} degrees"
+    return f"{each.what} {each.of} {1e3 * each.value:.4f} mm to {1e3 * sure:.2g} mm"
 
 
 def _lines(found: Fitting) -> list[str]:
