@@ -113,7 +113,7 @@ def _fit(asked: "list[tuple[Shape, Path]]", sigma_m: float, unit: str) -> Answer
     related = between(*sound) if len(sound) == 2 else ()
     content = {"fits": [fits.entry(each) for each in found], "between": fits.related(related)}
     wide = max((float(np.ptp(each, axis=0).max()) for _, each in clouds if len(each)), default=0.0)
-    told = f"\nthe points span {wide:.4g} m: if they do not count metres, say so with --unit"
+    told = f"\nthe points span {wide:.2g} m: if they do not count metres, say so with --unit"
     hint = told if not fine and wide > SPACIOUS_M else ""
     return Answer(
         "ok" if fine else "refused",
