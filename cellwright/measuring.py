@@ -27,20 +27,21 @@ def measurements(target: Target) -> "Told[Partition]":
     return Told(partition(with_places(load(target))), "ok", entry, parts)
 
 
-def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05) -> "Told[Fitting]":
-    """A shape through measured points (a .csv with x, y, z in metres, .npy, .pcd or .ply), and how sure its sizes are.
+def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") -> "Told[Fitting]":
+    """A shape through measured points (a .csv with x, y, z, .npy, .pcd or .ply), and how sure its sizes are.
 
-    `noise_mm` is the standard deviation of a point. Status: ok, or refused with the reason. Raises `InvalidInput`.
+    The points count `unit`s: m, cm, mm or in; whole numbers in a .npy are millimetres. `noise_mm` is the standard deviation of a point. Status: ok, or refused with the reason. Raises `InvalidInput`.
     """
     import numpy as np
 
     from engine.formats.interop.depth_files import read_cloud
+    from engine.formats.interop.tables import unit_m
     from engine.formats.report import fits
     from engine.model.fits import Cloud, Fit
     from engine.model.fits import Shape as Shapes
     from engine.stages.fitting.surfaces import fitted
 
-    cloud = read_cloud(Path(points))
+    cloud = read_cloud(Path(points), unit_m(unit))
     found = fitted(Shapes(shape), Cloud(cloud, np.full(len(cloud), noise_mm * 1e-3)))
     status = "ok" if isinstance(found, Fit) else "refused"
     return Told(found, status, lambda each: {"fits": [fits.entry(each)]}, lambda each: fits.text([each], ()))

@@ -8,6 +8,7 @@ import numpy as np
 from engine.model.fits import PARAMETERS, Cloud, Fit, Fitting, Related, Shape, Unfitted
 from engine.model.geometry import Floats
 from engine.model.ranging import Edges, RangeImage, Window
+from engine.pipelines.dimensions.limbs import without_own_limb
 from engine.stages.fitting.between import between
 from engine.stages.fitting.surfaces import fitted
 from engine.stages.vision.edges import edges_of
@@ -50,6 +51,10 @@ def _found(image: RangeImage, edges: Edges, asked: Asked) -> Fitting:
     shape = Shape.PLANE if asked.shape is Shape.CIRCLE else asked.shape
     cloud = cloud_of(image, edges, asked.window)
     found = fitted(shape, cloud)
+    if isinstance(found, Fit) and (own := without_own_limb(image, edges, found, cloud)) is not None:
+        more = cloud_of(image, own, asked.window)
+        again = fitted(shape, more)
+        found, cloud = (again, more) if isinstance(again, Fit) else (found, cloud)
     found = _rounded(found, cloud, image) if isinstance(found, Fit) else found
     return _circle(image, found, asked) if asked.shape is Shape.CIRCLE else found
 
