@@ -60,7 +60,7 @@ def read_cloud(path: Path, unit_m: float = 1.0) -> Floats:
 
     The file counts in `unit_m`; whole numbers in a `.npy` are millimetres.
     """
-    readers = {".npy": partial(_array, unit_m=unit_m)}
+    readers: dict[str, Callable[[bytes], Floats]] = {".npy": partial(_array, unit_m=unit_m)}
     readers |= {".pcd": _in(unit_m, _pcd), ".ply": _in(unit_m, _ply), ".csv": _in(unit_m, _rows)}
     found = _read(path, readers, "file of points")
     if found.shape[1] != 3:

@@ -53,7 +53,7 @@ def _found(image: RangeImage, edges: Edges, asked: Asked) -> Fitting:
     found = fitted(shape, cloud)
     if isinstance(found, Fit) and (own := without_own_limb(image, edges, found, cloud)) is not None:
         more = cloud_of(image, own, asked.window)
-        again = fitted(shape, more)
+        again = fitted(shape, more, near=found)
         found, cloud = (again, more) if isinstance(again, Fit) else (found, cloud)
     found = _rounded(found, cloud, image) if isinstance(found, Fit) else found
     return _circle(image, found, asked) if asked.shape is Shape.CIRCLE else found
