@@ -23,7 +23,7 @@ def told(*words: str) -> tuple[int, str]:
 def test_the_image_that_a_tool_took_is_resolved_and_measured(tmp_path: Path) -> None:
     made, whole = str(tmp_path / "m4.npz"), str(tmp_path / "whole.npz")
     where = ("image", "bulkhead/twelve_points", "m4", "--format", "json")
-    code, said = told(*where, "--displaced", "0", "0.4", "0", "-o", made, "--wrapped")
+    code, said = told(*where, "--displaced", "0.4", "0", "0", "-o", made, "--wrapped")
     first = json.loads(said)["data"]
     assert (code, read_ranges(Path(made)).wrapped) == (0, True)
     code, said = told(*where, "--from", made, "--seed", "5", "-o", whole)
@@ -31,7 +31,7 @@ def test_the_image_that_a_tool_took_is_resolved_and_measured(tmp_path: Path) -> 
     assert (code, again["off"], again["sigma"]) == (0, first["off"], first["sigma"])
     assert abs(abs(again["off"]) - 0.4e-3) < 4 * again["sigma"]
     assert not read_ranges(Path(whole)).wrapped
-    code, said = told("image", "bulkhead/twelve_points", "m8", "--from", str(depth_of(whole, tmp_path)))
+    code, said = told("image", "bulkhead/twelve_points", "m4", "--from", str(depth_of(whole, tmp_path)))
     assert code == 0, said
     assert "strengths are not known" in said
     other = read_ranges(Path(whole))
