@@ -1,11 +1,12 @@
 """How far a run is, and what its steps do to that: commands are posted, the world model follows, everything is noted."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, MutableSet
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
 from engine.model.execution import Command, CommandKind, Phase, RecordKind, Reply, RunState
+from engine.model.number_set import NumberSet
 from engine.model.verdicts import Spoilt
 from engine.pipelines.execution.commands import command_of
 from engine.pipelines.execution.compiling import Compiled
@@ -74,13 +75,13 @@ class Written:
     number: int = 0
     head: dict[str, Any] = field(default_factory=dict)
     steps: int = 0
-    done: set[int] = field(default_factory=set)
+    done: MutableSet[int] = field(default_factory=NumberSet)
     checkpoint: int = 0
     history: int = 0
 
     def plan(self, number: int, entry: Mapping[str, Any]) -> None:
         """Another plan is in the record of this number."""
-        self.number, self.steps, self.done = number, len(entry["order"]), set()
+        self.number, self.steps, self.done = number, len(entry["order"]), NumberSet()
         self.head = head_of(entry)
 
 
@@ -109,7 +110,7 @@ class Progress:
     values: list[Measured] = field(default_factory=list)  # all that were measured in the run
     spoilt: list[Spoilt] = field(default_factory=list)  # those of them that do not count any more
     part: tuple[float, ...] = ()  # where the part lies, if it was found out
-    done: set[int] = field(default_factory=set)
+    done: MutableSet[int] = field(default_factory=NumberSet)
     written: Written = field(default_factory=Written)
     outbox: list[Command] = field(default_factory=list)
     pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
@@ -141,7 +142,7 @@ class Progress:
         """Go on with another program."""
         self.compiled, self.standing = compiled, standing
         self.replies = Replies(compiled)
-        self.done, self.review, self.off_ms = set(), "", 0
+        self.done, self.review, self.off_ms = NumberSet(), "", 0
         self.waited = frozenset()
         self.sent = {number: self._renumbered(number) for number in standing.running}
         self.entire = None
