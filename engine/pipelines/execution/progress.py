@@ -22,6 +22,7 @@ from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
 from engine.stages.execution.outlook import Accuracy
 from engine.stages.macros.lifted.world import StepChange
+from kb.model.plan import Plan
 from kb.model.results import Measured
 from kb.terms import Atom
 
@@ -129,6 +130,10 @@ class Progress:
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
+    looked: tuple[int, frozenset[int]] | None = None  # how it stood when the plan was last reviewed for nothing
+    way: tuple[tuple[Atom, ...], frozenset[Atom], Plan | None] | None = (
+        None  # how to take something away, as asked last
+    )
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
     measured: str = ""  # what facts of measurements that are made are called
@@ -143,7 +148,7 @@ class Progress:
         self.compiled, self.standing = compiled, standing
         self.replies = Replies(compiled)
         self.done, self.review, self.off_ms = NumberSet(), "", 0
-        self.waited = frozenset()
+        self.waited, self.looked = frozenset(), None
         self.sent = {number: self._renumbered(number) for number in standing.running}
         self.entire = None
 
