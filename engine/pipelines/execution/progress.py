@@ -130,7 +130,9 @@ class Progress:
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
-    looked: tuple[int, frozenset[int]] | None = None  # how it stood when the plan was last reviewed for nothing
+    looked: tuple[int, frozenset[int]] | None = (
+        None  # how it stood when the plan was last reviewed for nothing
+    )
     way: tuple[tuple[Atom, ...], frozenset[Atom], Plan | None] | None = (
         None  # how to take something away, as asked last
     )
