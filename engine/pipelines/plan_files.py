@@ -56,7 +56,7 @@ def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
     from kb.loader.plan import load_claimed
 
     if not is_there(file) and _is_bundled(str(file)):
-        hint = f"make a plan first: cellwright plan {file} --format json > plan.json"
+        hint = f"make a plan first: cellwright plan {file} -o plan.json"
         raise InvalidInput([Diagnostic(Source(str(file)), "K404", "this is no plan", hint)])
     return load_claimed(file, generated_if_bare)
 
