@@ -160,6 +160,4 @@ def free_leg(blank: Leg, answer: Moved, place: Place, reach: Reachability) -> Le
     pairs = _touched(answer.path, place, reach)
     sure = answer.proved and all(each.proved for each in pairs)
     meant = _meeting(place, reach)
-    return replace(
-        blank, path=answer.path, proved=sure, touches=pairs, meeting=meant, depth_m=place.depth_m
-    )
+    return replace(blank, path=answer.path, proved=sure, touches=pairs, meeting=meant, depth_m=place.depth_m)

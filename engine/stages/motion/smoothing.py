@@ -147,9 +147,7 @@ class Tube:
         return found
 
 
-def certified(
-    tube: Tube, path: Floats, limits: Limits, own: slice, slower: Floats
-) -> tuple[Smoothed, bool]:
+def certified(tube: Tube, path: Floats, limits: Limits, own: slice, slower: Floats) -> tuple[Smoothed, bool]:
     """The smooth motion on a path (m, all joints) that is proved to stay in a tube, and whether it is.
 
     The arm's joints are `own`; each line takes so many times (m - 1,) as long as the joints need. If no other does, the motion
