@@ -1,4 +1,4 @@
-"""A run with motion: steps are looked at before they are sent, and what replies tell of the cell joins the world model.
+"""A run with motion: what replies tell of the cell joins the world model, and what has no way any more is planned anew.
 
 In a run without motion nothing of this happens.
 """
@@ -7,54 +7,27 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from engine.model.execution import NO_MOTION, OBSTRUCTED, SEEN, RecordKind, Reply, TroubleKind
-from engine.stages.execution import Activity
-from engine.stages.macros.lifted.world import StepChange
+from engine.pipelines.execution.progress import Progress
+from engine.pipelines.execution.sending import refusal
 from engine.stages.planning import Limits
 from kb.model.plan import Plan
 from kb.model.problem import Problem
-from kb.terms import Atom
 
 if TYPE_CHECKING:
     from engine.pipelines.execution.paths import Rerouted
-    from engine.pipelines.execution.progress import Progress
 
 
-def refusal(course: "Progress", number: int, each: Activity) -> str:
-    """Why a step has no motion in the cell as it is believed to be, as the command of that number; empty if it has one.
-
-    The commands that are before it in the queue of its device will have ended.
-    """
-    if course.paths is None:
-        return ""
-    before, program = frozenset(course.world.facts), course.compiled.program
-    for _, running in sorted(course.standing.running.items()):
-        other = program.activities[running.activity]
-        if other.stream == each.stream and other.id != each.id:
-            before = _after(before, course.compiled.changes[other.id])
-    after = _after(before, course.compiled.changes[each.id])
-    return course.paths.refusal(number, course.replies.step(each.id), before, after)
-
-
-def _after(facts: frozenset[Atom], change: StepChange) -> frozenset[Atom]:
-    return (facts - frozenset(change.ends)) | frozenset(change.adds)
-
-
-def arms(course: "Progress", number: int) -> dict[str, Any]:
-    """Where the arms are that a step has moved, as its record has it."""
-    found = course.paths.done(number) if course.paths is not None else {}
-    return {"arms": found} if found else {}
-
-
-def stand_again(course: "Progress", met: Mapping[str, Any], where: Mapping[str, Any]) -> None:
+def stand_again(course: Progress, met: Mapping[str, Any], where: Mapping[str, Any]) -> None:
     """What was met is there, the arms are where the journal has them, and on their way in the steps that are under way."""
     if course.paths is None:
         return
     course.paths.taken_up(met, where)
     for number, running in sorted(course.standing.running.items()):
-        refusal(course, number, course.compiled.program.activities[running.activity])
+        each = course.compiled.program.activities[running.activity]
+        refusal(course.paths, course.world.facts, course.compiled, course.standing, number, each)
 
 
-def take_in(course: "Progress", reply: Reply) -> None:
+def take_in(course: Progress, reply: Reply) -> None:
     """Take in what a reply tells beside its text: bodies that were seen, and that the arm is where it was before the step."""
     if course.paths is None:
         return
@@ -64,14 +37,14 @@ def take_in(course: "Progress", reply: Reply) -> None:
         _sees(course, reply)
 
 
-def not_begun(course: "Progress", numbers: Collection[int]) -> None:
+def not_begun(course: Progress, numbers: Collection[int]) -> None:
     """Some commands were taken back before they began."""
     if course.paths is not None:
         for number in sorted(numbers, reverse=True):
             course.paths.stopped(number)
 
 
-def _sees(course: "Progress", reply: Reply) -> None:
+def _sees(course: Progress, reply: Reply) -> None:
     from engine.pipelines.moves.seen import seen_in  # it needs numpy, and most runs no geometry
 
     assert course.paths is not None
@@ -95,7 +68,7 @@ def _sees(course: "Progress", reply: Reply) -> None:
     )
 
 
-def by_another_way(course: "Progress", reply: str) -> bool:
+def by_another_way(course: Progress, reply: str) -> bool:
     """Whether a step with this reply is planned anew with its motion."""
     return course.paths is not None and reply in (OBSTRUCTED, NO_MOTION)
 
@@ -107,7 +80,7 @@ def nobody_knows(reply: str) -> str:
     return "the fault base knows no such exception"
 
 
-def rerouted(course: "Progress", rest: Problem, left: Plan | None, limits: Limits) -> "Rerouted | str":
+def rerouted(course: Progress, rest: Problem, left: Plan | None, limits: Limits) -> "Rerouted | str":
     """A plan for what is left, from where the arm stands, in which every step moves; why there is none."""
     assert course.paths is not None
     found = course.paths.rerouted(rest, left, course.world.state.facts, limits)
@@ -116,7 +89,7 @@ def rerouted(course: "Progress", rest: Problem, left: Plan | None, limits: Limit
     return found
 
 
-def what_stopped(course: "Progress", reply: str) -> str:
+def what_stopped(course: Progress, reply: str) -> str:
     """What was in the way of a step, for people."""
     assert course.paths is not None
     if reply == OBSTRUCTED:

@@ -9,10 +9,10 @@ from engine.model.execution import NO_MOTION, Command, CommandKind, Phase, Recor
 from engine.model.verdicts import Spoilt
 from engine.pipelines.execution.commands import command_of
 from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.meeting import arms, refusal
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
+from engine.pipelines.execution.sending import arms, refusal
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
@@ -197,7 +197,7 @@ class Progress:
             self.post(Command(sent.number, kind, sent.stream, kind.value, about=sent.about))
             return
         each = self.compiled.program.activities[sent.activity]
-        why = refusal(self, sent.number, each)
+        why = refusal(self.paths, self.world.facts, self.compiled, self.standing, sent.number, each)
         self.post(command_of(sent.number, each), each.id, sent=not why)
         if why:
             self.unsent.append(Reply(sent.number, NO_MOTION, self.driver.now_ms(), {"why": why}))
@@ -226,7 +226,7 @@ class Progress:
             started_ms=ended.started_ms,
             **_changes(change),
             moved=[[chain, number, str(atom)] for chain, number, atom in moved],
-            **arms(self, ended.number),
+            **arms(self.paths, ended.number),
         )
         for chain, _, atom in moved:
             self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
