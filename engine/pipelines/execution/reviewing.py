@@ -55,7 +55,20 @@ class Better:
 
 
 def reviewed(course: Progress, scope: Scope, limits: Limits) -> Better | None:
-    """A better plan for what is left, with what is under way as it is; None if there is none."""
+    """A better plan for what is left, with what is under way as it is; None if there is none.
+
+    After a review that came to nothing, the next one waits until something has begun or ended, and needs twice as much reason.
+    """
+    stands = course.standing.done, frozenset(course.standing.running)
+    if stands == course.looked:
+        return None
+    found = _reviewed(course, scope, limits)
+    course.looked = None if found is not None else stands
+    course.calm = 1 if found is not None else 2 * course.calm
+    return found
+
+
+def _reviewed(course: Progress, scope: Scope, limits: Limits) -> Better | None:
     now = course.driver.now_ms()
     present = prospect(course.compiled.program, course.standing, now)
     best: tuple[Prospect, Joined] | None = None

@@ -24,7 +24,9 @@ from kb.model.faults import FaultModel
 from kb.model.problem import Problem
 
 if TYPE_CHECKING:
+    from engine.pipelines.simulator.physical import PhysicalBody
     from engine.pipelines.simulator.truth import Truth
+    from engine.pipelines.simulator.unknown import Unknown
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
 REMEMBERED = (
@@ -179,7 +181,7 @@ class Simulator:
         if text is None:
             self._lost.add(command.number)
         else:
-            self._answer(Reply(command.number, text, self._now))
+            self._answer(Reply(command.number, text, self._now, self.cell.told()))
 
     def _watch(self) -> None:
         """End every command at once that watches something which is not so any more."""
@@ -253,11 +255,28 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 
 def simulator(setup: DriverSetup) -> Simulator:
-    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth. Raises `InvalidInput`."""
-    settings = settings_of(setup)
-    truth = truth_of(setup)
-    cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed, truth=truth)
+    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth, obstacles, really.
+
+    Raises `InvalidInput`.
+    """
+    settings, truth = settings_of(setup, ("obstacles", "really")), truth_of(setup)
+    body, unknown = _obstructed(setup)
+    base = fault_base(setup.problem)
+    cell = HiddenCell(
+        setup.problem, base, settings.injections, setup.seed, body=body, truth=truth, unknown=unknown
+    )
     return Simulator(cell, settings)
+
+
+def _obstructed(setup: DriverSetup) -> "tuple[PhysicalBody | None, Unknown | None]":
+    """The arm, where something stands that nobody knows of."""
+    if not {"obstacles", "really"} & setup.options.keys():
+        return None, None
+    from engine.pipelines.simulator.obstructed import Obstructed  # these need numpy
+    from engine.pipelines.simulator.unknown import unknown_of
+
+    unknown = unknown_of(setup.options, setup.problem)
+    return (None if unknown is None else Obstructed(setup.problem, unknown, setup.seed)), unknown
 
 
 def truth_of(setup: DriverSetup) -> "Truth | None":

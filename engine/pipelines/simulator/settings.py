@@ -1,4 +1,4 @@
-"""How a simulated cell behaves: what the options of its driver say, and how long steps take."""
+"""How a simulated cell behaves, from the options of its driver."""
 
 import random
 from collections.abc import Mapping, Sequence
