@@ -70,6 +70,8 @@ def prepare(
 def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ...]]:
     gone: dict[int, tuple[str, ...]] = {}
     with Library(store) as library:
+        if not library.figures().macrops:
+            return gone  # reading all domains takes a while, and each is read again by those who plan
         for domain in _domains(paths):
             outdated = library.outdated(domain.name, Digests(domain).of)
             library.forget(outdated)

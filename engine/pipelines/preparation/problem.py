@@ -4,9 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from engine.kernels.cancellation import Interrupted
-from engine.model.measurements import chooses_tools, is_shared
+from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, GaveUp
-from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.objective import sequenced
 from engine.pipelines.planning import LARGE, loaded
 from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
@@ -40,7 +39,7 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared | Drafted[Pr
             return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
         measures = chooses_tools(problem.domain)
         poses = _poses(job.store, problem) if measures else None
-        kept = _kept(job.store, problem) if measures and not is_shared(problem) else None
+        kept = _kept(job.store, problem) if measures else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
         draft, answered = _answered(job.store, problem, limits)
     except InvalidInput as error:
@@ -102,6 +101,8 @@ def _poses(store: str, problem: Problem) -> KeptPoses | None:
 
 def _kept(store: str, problem: Problem) -> KeptSequence:
     """Bring the kept sequence of a problem's measurements up to date in the store, and report on it."""
+    from engine.pipelines.parts.keeping import carry_on  # slow to load, and only inspections need it
+
     found = carry_on(store, problem)
     counts = {
         "reordered": len(found.reordered),
