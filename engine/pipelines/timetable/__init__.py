@@ -90,7 +90,7 @@ def without_spares(
     None if the plan that was found cannot be done sooner so.
     """
     fewer = None
-    if not made.schedule.proved if made.scope != BLOCKS else len(arms_in(outcome.plan)) > 1:
+    if not made.schedule.proved if made.scope != BLOCKS else len(arms_in(problem, outcome.plan)) > 1:
         fewer = with_one_of_each(problem, task, outcome, planning)
     timed_ = [] if fewer is None else [timed(problem, task, fewer, limits)]
     shared = (by_other_hands(problem, task, each, limits) for each in (outcome.plan, fewer) if each)

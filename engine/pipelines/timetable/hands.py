@@ -17,10 +17,11 @@ from kb.model.problem import Problem
 from kb.terms import Term
 
 
-def arms_in(plan: Plan) -> tuple[Term, ...]:
+def arms_in(problem: Problem, plan: Plan) -> tuple[Term, ...]:
     """The arms that do the steps of a plan; none if no step holds a resource."""
+    steps = [GroundOperator(s.operator, 0, 0, 0, (), s.resources) for s in plan.steps]
     try:
-        return arms_of([GroundOperator(s.operator, 0, 0, 0, (), s.resources) for s in plan.steps])
+        return arms_of(steps, subjects_of(problem))
     except Unstructured:
         return ()
 

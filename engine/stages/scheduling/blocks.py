@@ -53,27 +53,29 @@ def mentions(term: Term, part: Term) -> bool:
     )
 
 
-def arm_of(steps: Sequence[GroundOperator | Step]) -> Term:
-    """The resource that most steps hold. Raises `Unstructured` if no step holds a resource."""
-    held = Counter(resource for step in steps for resource in step.resources)
+def arm_of(steps: Sequence[GroundOperator | Step], subjects: Sequence[Term] = ()) -> Term:
+    """The resource that most steps hold, beside the objects that they serve. Raises `Unstructured` if no step holds one."""
+    held = Counter(each for step in steps for each in step.resources if each not in subjects)
     if not held:
         raise Unstructured("no step holds a resource")
     return min(held, key=lambda each: (-held[each], str(each)))
 
 
-def arms_of(steps: Sequence[GroundOperator]) -> tuple[Term, ...]:
+def arms_of(steps: Sequence[GroundOperator], subjects: Sequence[Term] = ()) -> tuple[Term, ...]:
     """The resource that most steps hold, and those that do the same kinds of steps in its place. Raises `Unstructured`."""
-    return arms_to(steps, steps)
+    return arms_to(steps, steps, subjects)
 
 
-def arms_to(steps: Sequence[GroundOperator], able: Iterable[GroundOperator]) -> tuple[Term, ...]:
+def arms_to(
+    steps: Sequence[GroundOperator], able: Iterable[GroundOperator], subjects: Sequence[Term] = ()
+) -> tuple[Term, ...]:
     """The resource that most steps hold, and those that can do the same kinds of steps, as operators in `able` say.
 
-    Raises `Unstructured`.
+    `subjects` are the objects that steps serve, which are no arms. Raises `Unstructured`.
     """
-    first = arm_of(steps)
+    first = arm_of(steps, subjects)
     kinds = {kind for step in steps for kind, each in _held(step) if each == first}
-    others = {each for step in able for kind, each in _held(step) if kind in kinds and each != first}
+    others = {each for step in able for kind, each in _held(step) if kind in kinds} - {first, *subjects}
     return (first, *sorted(others, key=str))
 
 

@@ -27,8 +27,8 @@ def shared_out(
     task: Task, steps: Sequence[GroundOperator], subjects: Sequence[Term]
 ) -> Iterator[tuple[GroundOperator, ...]]:
     """The steps with their blocks shared out among all arms of the task, in each way that can be done. Raises `Unstructured`."""
-    hands = arms_to(steps, task.operators)
-    own = arms_of(steps)
+    hands = arms_to(steps, task.operators, subjects)
+    own = arms_of(steps, subjects)
     if len(hands) < 2:
         return
     blocks, tried = cut(task, steps, own, subjects), set[tuple[Function, ...]]()

@@ -114,7 +114,7 @@ class _Assembly:
 
     @cached_property
     def arms(self) -> tuple[Term, ...]:
-        return arms_of(self.steps)
+        return arms_of(self.steps, self.subjects)
 
     @cached_property
     def cut(self) -> tuple[Block, ...]:
