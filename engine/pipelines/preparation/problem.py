@@ -1,13 +1,13 @@
 """One problem of a preparation: it is planned, and what was learned is kept in the store."""
 
 from dataclasses import replace
-from pathlib import Path
 
 from engine.kernels.cancellation import Interrupted
 from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, GaveUp
 from engine.pipelines.objective import sequenced
 from engine.pipelines.planning import LARGE, loaded
+from engine.pipelines.preparation.poses import cell_of_measurements
 from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
 from engine.pipelines.reuse.practice import Answered, Practice
 from engine.pipelines.units import Drafted
@@ -19,7 +19,6 @@ from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
 from kb.stopping import Stopped
 from kb.store.draft import Draft
-from kb.targets import CELL_FILE
 
 UNUSABLE = "K416"  # of a library: another time it may be there
 
@@ -84,16 +83,12 @@ def lost(job: PreparationJob, why: str) -> Prepared:
 
 def _poses(store: str, problem: Problem) -> KeptPoses | None:
     """Bring the poses of a problem's measurements up to date in the store; None without a cell that says what arms do."""
-    path = Path(problem.domain.path).with_name(CELL_FILE)
-    if not problem.domain.path or not path.is_file():
+    cell = cell_of_measurements(problem)
+    if cell is None:
         return None
     from engine.pipelines.poses.keeping import kept_poses  # geometry is slow to load
     from engine.plugins import geometry_backend
-    from kb.loader.cell import load_cell
 
-    cell = load_cell(path)
-    if not cell.operations:
-        return None
     found = kept_poses(store, problem, cell, geometry_backend())
     reached = {each.measurement for each in found.poses.values() if each.reached}
     return KeptPoses(len(reached), found.made, found.kept, found.unreached())

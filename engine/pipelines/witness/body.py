@@ -7,6 +7,9 @@ import numpy as np
 
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, MovedStep
+from engine.pipelines.moves.arms import arms_of
+from engine.pipelines.moves.meetings import Encounters
+from engine.pipelines.moves.tracks import Moment, Passage, Rider, tracks
 from engine.pipelines.moves.walking import Walk, operation_of
 from engine.pipelines.witness.sensing import reading
 from engine.pipelines.witness.servos import NEAR_M, value_of
@@ -37,6 +40,7 @@ class Body:
     def __init__(self, walk: Walk, start: Facts, hindrance: Hindrance = Hindrance()) -> None:
         self.walk, self.cell, self.stage = walk, walk.cell, Stage(following(World.of(walk.cell), start))
         self.hindrance = hindrance
+        self._encounters = Encounters(walk.backend)
         self._failed: Facts | None = None
         self._way_in: Leg | None = None  # of a step that was stopped while the arm dragged something
         if hindrance.friction is not None:
@@ -57,10 +61,29 @@ class Body:
         if not isinstance(moved, MovedStep):
             return False
         worlds = self._world(before), self._world(after)
+        self._make_way(moved, step, before, after)
         self._way_in = self.stage.take(moved, *worlds, stops=True)
         if self._way_in is not None:
             self.walk.hands.arrive(self._way_in.arm, self._way_in.path[0], None)
         return all(self._is_where(name, after) for name in self._moved(before, after))
+
+    def _make_way(self, moved: MovedStep, step: Function, before: Facts, after: Facts) -> None:
+        """Arms that rest in the way of a step go home first."""
+        arms = arms_of(self.cell, step, operation_of(self.cell, step))
+        others = [arm for arm in self.cell.arms if arm not in arms]
+        if not others:
+            return
+        one, other = (self.walk.room(frozenset(facts)).world for facts in (before, after))
+        now = {arm: self.walk.hands.now(arm) for arm in self.cell.arms}
+        starts = {**now, **{leg.arm: leg.path[0] for leg in reversed(moved.legs)}}
+        own = tracks([Moment(moved.step, one, other, moved, arms)], starts)
+        passages = [each for arm in arms for occupied in own[arm] for each in occupied.passages]
+        for arm in others:
+            rest = Passage(Rider(one, arm), now[arm][None])
+            if any(self._encounters.meet(rest, each) for each in passages):
+                way = self.walk.homeward(arm, frozenset(before))
+                if way is not None:
+                    self.stage.go(way, self._world(before))
 
     def misfit(self, facts: Facts, before: Facts, after: Facts) -> int:
         """How many of the bodies that a step was to move are not as some facts say, `before` and `after` being those of the step.

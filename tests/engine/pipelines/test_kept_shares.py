@@ -75,7 +75,7 @@ def test_the_other_arm_takes_what_a_lost_one_has_left(store: str, six: Problem, 
 def test_without_any_arm_all_is_left_out_with_the_reason(store: str, six: Problem) -> None:
     found = kept(store, six, News(lost=("east", "west")))
     assert found.plan.rest == ()
-    assert "east and west are lost" in found.plan.impossible["m1"]
+    assert "west_probe is not available" in found.plan.impossible["m1"]
 
 
 def test_bad_and_unknown_visits(store: str, six: Problem) -> None:

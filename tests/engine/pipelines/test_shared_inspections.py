@@ -142,7 +142,9 @@ def test_one_measurement_is_made_by_an_arm_that_reaches_it() -> None:
         assert {str(step.resources[-1]) for step in run.outcome.plan.steps} == {arm}
 
 
-def test_an_import_says_which_arms_can_make_each_point_and_leaves_out_what_none_reaches(tmp_path: Path) -> None:
+def test_an_import_says_which_arms_can_make_each_point_and_leaves_out_what_none_reaches(
+    tmp_path: Path,
+) -> None:
     rows = [
         f"{name},{x},{y},0,0,0,-1,thickness" for name, x, y in (("a", 0, -900), ("b", 0, 900), ("c", 0, 4000))
     ]
