@@ -78,7 +78,9 @@ def main() -> int:
     parser.add_argument("--part", nargs="*", default=["bulkhead", "delays", "physics", "themse"])
     parser.add_argument("--points", type=int, default=400)
     parser.add_argument("--runs", type=int, default=1_000)
-    parser.add_argument("--work", type=Path, help="a folder that keeps the cells; without it they are not kept")
+    parser.add_argument(
+        "--work", type=Path, help="a folder that keeps the cells; without it they are not kept"
+    )
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as lost:
