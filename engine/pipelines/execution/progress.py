@@ -1,17 +1,19 @@
 """How far a run is, and what its steps do to that: commands are posted, the world model follows, everything is noted."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, MutableSet
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from engine.model.execution import Command, CommandKind, Phase, RecordKind, Reply, RunState
+from engine.model.execution import NO_MOTION, Command, CommandKind, Phase, RecordKind, Reply, RunState
+from engine.model.number_set import NumberSet
 from engine.model.verdicts import Spoilt
 from engine.pipelines.execution.commands import command_of
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
+from engine.pipelines.execution.sending import arms, refusal
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
@@ -21,8 +23,12 @@ from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
 from engine.stages.execution.outlook import Accuracy
 from engine.stages.macros.lifted.world import StepChange
+from kb.model.plan import Plan
 from kb.model.results import Measured
 from kb.terms import Atom
+
+if TYPE_CHECKING:
+    from engine.pipelines.execution.paths import Paths
 
 PLACED = (CommandKind.STEP, CommandKind.TEST, CommandKind.REPAIR)  # commands that may move along the part
 EVERY = 5_000  # records from one checkpoint to the next
@@ -74,13 +80,13 @@ class Written:
     number: int = 0
     head: dict[str, Any] = field(default_factory=dict)
     steps: int = 0
-    done: set[int] = field(default_factory=set)
+    done: MutableSet[int] = field(default_factory=NumberSet)
     checkpoint: int = 0
     history: int = 0
 
     def plan(self, number: int, entry: Mapping[str, Any]) -> None:
         """Another plan is in the record of this number."""
-        self.number, self.steps, self.done = number, len(entry["order"]), set()
+        self.number, self.steps, self.done = number, len(entry["order"]), NumberSet()
         self.head = head_of(entry)
 
 
@@ -109,7 +115,7 @@ class Progress:
     values: list[Measured] = field(default_factory=list)  # all that were measured in the run
     spoilt: list[Spoilt] = field(default_factory=list)  # those of them that do not count any more
     part: tuple[float, ...] = ()  # where the part lies, if it was found out
-    done: set[int] = field(default_factory=set)
+    done: MutableSet[int] = field(default_factory=NumberSet)
     written: Written = field(default_factory=Written)
     outbox: list[Command] = field(default_factory=list)
     pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
@@ -128,10 +134,20 @@ class Progress:
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
+    looked: tuple[int, frozenset[int]] | None = (
+        None  # how it stood when the plan was last reviewed for nothing
+    )
+    way: tuple[tuple[Atom, ...], frozenset[Atom], Plan | None] | None = (
+        None  # how to take something away, as asked last
+    )
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
     measured: str = ""  # what facts of measurements that are made are called
     look: Callable[[RunState], None] | None = None
+    paths: "Paths | None" = None  # of a run with motion: what the arm can do
+    unsent: list[Reply] = field(
+        default_factory=list
+    )  # to commands that are not sent, because they have no motion
     gate: PlanGate = field(default_factory=PlanGate)  # it keeps what it knows of the cell
 
     def __post_init__(self) -> None:
@@ -141,8 +157,8 @@ class Progress:
         """Go on with another program."""
         self.compiled, self.standing = compiled, standing
         self.replies = Replies(compiled)
-        self.done, self.review, self.off_ms = set(), "", 0
-        self.waited = frozenset()
+        self.done, self.review, self.off_ms = NumberSet(), "", 0
+        self.waited, self.looked = frozenset(), None
         self.sent = {number: self._renumbered(number) for number in standing.running}
         self.entire = None
 
@@ -160,8 +176,8 @@ class Progress:
         content, at_ms = self.sent[number]
         return {**content, "step": self.standing.running[number].activity}, at_ms
 
-    def post(self, command: Command, step: int | None = None) -> None:
-        """Note a command, to be sent once the note is on the disk."""
+    def post(self, command: Command, step: int | None = None, sent: bool = True) -> None:
+        """Note a command, to be sent once the note is on the disk; unless it is not to be sent."""
         command = replace(command, part=self.part) if self.part and command.kind in PLACED else command
         record = self.recorder.note(
             RecordKind.COMMAND,
@@ -180,7 +196,7 @@ class Progress:
             **looked_at(command),
         )
         self.sent[command.number] = (dict(record.content), record.at_ms)
-        self.outbox.append(command)
+        self.outbox += [command] if sent else []
 
     def dispatch(self, sent: executive.Dispatch) -> None:
         """Post the command of an activity, a WAIT or a CONTINUE."""
@@ -189,7 +205,10 @@ class Progress:
             self.post(Command(sent.number, kind, sent.stream, kind.value, about=sent.about))
             return
         each = self.compiled.program.activities[sent.activity]
-        self.post(command_of(sent.number, each), each.id)
+        why = refusal(self.paths, self.world.facts, self.compiled, self.standing, sent.number, each)
+        self.post(command_of(sent.number, each), each.id, sent=not why)
+        if why:
+            self.unsent.append(Reply(sent.number, NO_MOTION, self.driver.now_ms(), {"why": why}))
 
     def ended(self, ended: executive.Done) -> None:
         """Let the world model follow a step that has ended, and note what it has changed."""
@@ -215,6 +234,7 @@ class Progress:
             started_ms=ended.started_ms,
             **_changes(change),
             moved=[[chain, number, str(atom)] for chain, number, atom in moved],
+            **arms(self.paths, ended.number),
         )
         for chain, _, atom in moved:
             self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
