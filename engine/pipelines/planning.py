@@ -79,14 +79,14 @@ def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MAC
             made = gate.accepted(problem, outcome.plan) if isinstance(outcome, Found) else made
         elif wrong:
             raise InternalError(wrong)
-        if isinstance(outcome, Found):
-            outcome = replace(outcome, plan=in_the_order_named(gate, problem, made))
+        outcome = replace(outcome, plan=made) if isinstance(outcome, Found) else outcome
     seconds = {**outcome.statistics.seconds, "check": time.perf_counter() - started}
     return replace(outcome, statistics=replace(outcome.statistics, seconds=seconds)), task
 
 
-def in_the_order_named(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
+def in_the_order_named(problem: Problem, plan: Plan) -> Plan:
     """The plan that serves alike objects in the order in which they are named, if the gate lets it pass; else the plan itself."""
+    gate = PlanGate()
     return in_the_order_said(gate.semantics(problem), plan, lambda other: not gate.findings(problem, other))
 
 

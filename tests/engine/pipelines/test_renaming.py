@@ -6,7 +6,8 @@ import pytest
 
 from engine.model.outcome import Found
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import plan, problem_of
+from engine.pipelines.objective import plan
+from engine.pipelines.planning import problem_of
 from engine.pipelines.renaming import in_the_order_said
 from kb.model.plan import Plan
 from kb.model.problem import Problem
@@ -17,7 +18,7 @@ HEAT = "process {} in the furnace for 15 min"
 
 def found(problem: Problem) -> Plan:
     """The plan of a problem that has one."""
-    outcome = plan(problem)
+    outcome = plan(problem).outcome
     assert isinstance(outcome, Found)
     return outcome.plan
 
@@ -34,10 +35,27 @@ def test_probes_are_heated_in_the_order_in_which_they_are_said(said: tuple[str, 
     assert made.cost == 13
 
 
-def test_what_differs_in_more_than_its_name_keeps_its_turn() -> None:
-    problem = problem_of("themse", "", f"{HEAT.format('probe 1')} and probe 2 for 10 min")
-    made = found(problem)
-    assert in_the_order_said(PlanGate().semantics(problem), made, lambda _: True) == made
+@pytest.mark.parametrize("said", [("probe 1", "probe 2"), ("probe 2", "probe 1")])
+def test_probes_that_are_heated_for_different_times_come_in_the_order_in_which_they_are_said(
+    said: tuple[str, str],
+) -> None:
+    made = found(problem_of("themse", "", f"heat {said[0]} for 5 min and {said[1]} for 10 min"))
+    assert heated(made) == [each.replace(" ", "_") for each in said]
+    assert [step.duration for step in made.steps if step.operator.name == "heat"] == [300, 600]
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "store probe 2 and heat probe 1 for 5 min and cool it for 3 min",
+        "heat probe 2 for 5 min and probe 1 for 5 min and cool probe 1 for 3 min",
+    ],
+)
+def test_what_differs_in_its_goals_keeps_its_turn(sentence: str) -> None:
+    problem = problem_of("themse", "", sentence)
+    tried: list[Plan] = []
+    in_the_order_said(PlanGate().semantics(problem), found(problem), lambda plan: bool(tried.append(plan)))
+    assert tried == []
 
 
 def test_numbers_that_a_problem_gives_to_an_object_tell_it_from_others() -> None:
