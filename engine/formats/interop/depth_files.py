@@ -14,7 +14,7 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.vision import Camera
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_bytes
+from kb.files import foreign_bytes
 
 MAX_BYTES = 256 * 2**20
 PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it
@@ -94,21 +94,13 @@ def _read(path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: st
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise _refused(path, f"'{path.suffix}' is not a kind of {what}", f"one of: {', '.join(readers)}")
-    data = _bytes(path)
+    data = foreign_bytes(path, "K702", "it", MAX_BYTES)
     try:
         return reader(data)
     except Exception as error:  # what a garbled file makes the readers raise is not laid down
         said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         hint = f"is the file whole, and of the kind that '{path.suffix}' says?"
         raise _refused(path, f"it cannot be read: {said}", hint) from None
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        return read_bytes(path, str(path), MAX_BYTES)
-    except InvalidInput as error:
-        said = error.diagnostics[0].message.removeprefix("cannot be read: ")
-        raise _refused(path, f"it cannot be read: {said}", "is it a file that can be read?") from None
 
 
 def _refused(path: Path, message: str, hint: str) -> InvalidInput:
