@@ -103,12 +103,18 @@ class Walk:
         """The step, after which its arms go home one by one; one stays where it is if no way leads there."""
         legs = list(moved.legs)
         for arm in dict.fromkeys(leg.arm for leg in moved.legs):
-            home = World.of(self.cell).configurations[arm]
-            way = self.hands.way(self.room(after, (arm,)), arm, home[None])
-            if isinstance(way, Leg) and way.proved:
-                legs.append(way)
-                self.hands.arrive(arm, home, None)
+            way = self.homeward(arm, after)
+            legs += [] if way is None else [way]
         return replace(moved, legs=tuple(legs))
+
+    def homeward(self, arm: str, state: State) -> Leg | None:
+        """The proved way of an arm to where it rests, where it then is; None if it stays because no way leads there."""
+        home = World.of(self.cell).configurations[arm]
+        way = self.hands.way(self.room(state, (arm,)), arm, home[None])
+        if not isinstance(way, Leg) or not way.proved:
+            return None
+        self.hands.arrive(arm, home, None)
+        return way
 
     def _situation(self, step: Step, arms: tuple[str, ...], before: State, after: State) -> _Situation:
         stand = []

@@ -8,7 +8,10 @@ import numpy as np
 
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, MovedStep
+from engine.pipelines.moves.arms import arms_of
 from engine.pipelines.moves.hands import Where
+from engine.pipelines.moves.meetings import Encounters
+from engine.pipelines.moves.tracks import Moment, Passage, Rider, tracks
 from engine.pipelines.moves.walking import Walk, operation_of
 from engine.pipelines.simulator.unknown import Unknown
 from engine.pipelines.witness.sensing import reading
@@ -46,6 +49,7 @@ class Body:
         self.unknown = unknown or Unknown(walk.cell)
         whole = replace(walk.cell, bodies={**walk.cell.bodies, **self.unknown.bodies})
         self.stage = Stage(following(World.of(whole), self.unknown.real(start)))
+        self._encounters = Encounters(walk.backend)
         self._told: Mapping[str, Any] = {}
         self._failed: Facts | None = None
         self._way_in: Leg | None = None  # of a step that was stopped while the arm dragged something
@@ -68,6 +72,8 @@ class Body:
         if not isinstance(moved, MovedStep):
             return self._stopped_again()
         worlds = self._world(before), self._world(after)
+        self.stage.guard = frozenset()
+        self._make_way(moved, step, believed(before), believed(after))
         self.stage.guard = self.unknown.names
         try:
             self._way_in = self.stage.take(moved, *worlds, stops=True)
@@ -78,6 +84,26 @@ class Body:
         if self._way_in is not None:
             self.walk.hands.arrive(self._way_in.arm, self._way_in.path[0], None)
         return all(self._is_where(name, after) for name in self._moved(before, after))
+
+    def _make_way(
+        self, moved: MovedStep, step: Function, before: frozenset[Atom], after: frozenset[Atom]
+    ) -> None:
+        """Arms that rest in the way of a step go home first."""
+        arms = arms_of(self.cell, step, operation_of(self.cell, step))
+        others = [arm for arm in self.cell.arms if arm not in arms]
+        if not others:
+            return
+        one, other = (self.walk.room(facts).world for facts in (before, after))
+        now = {arm: self.walk.hands.now(arm) for arm in self.cell.arms}
+        starts = {**now, **{leg.arm: leg.path[0] for leg in reversed(moved.legs)}}
+        own = tracks([Moment(moved.step, one, other, moved, arms)], starts)
+        passages = [each for arm in arms for occupied in own[arm] for each in occupied.passages]
+        for arm in others:
+            rest = Passage(Rider(one, arm), now[arm][None])
+            if any(self._encounters.meet(rest, each) for each in passages):
+                way = self.walk.homeward(arm, before)
+                if way is not None:
+                    self.stage.go(way, self._world(before))
 
     def _stopped_again(self) -> bool:
         """A step has no motion: because of what was met, if something was."""

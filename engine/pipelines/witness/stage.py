@@ -163,11 +163,15 @@ class Stage:
             self._strong(name, grips)
             self.aim(name, guide.upper if closed or grips else value_of(world, name))
 
+    def go(self, way: Leg, world: World) -> None:
+        """An arm goes along a way, with what it holds in a world."""
+        self.held, self.allowed = in_hands(world), frozenset()
+        self.follow(way)
+
     def back_out(self, way_in: Leg) -> None:
         """The arm goes back the way by which it came in, after the hand has let go."""
-        last = way_in.corners_s[-1]
-        out = replace(way_in, path=way_in.path[::-1], corners_s=last - way_in.corners_s[::-1])
-        self.follow(out)
+        seconds = way_in.corners_s[-1] - way_in.corners_s[::-1]
+        self.follow(replace(way_in, path=way_in.path[::-1], corners_s=seconds))
 
     def follow(self, leg: Leg) -> None:
         """The arm goes along a leg, and drags nothing."""
