@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.dimensions import dimensions
 from engine.faces.cli.fitting import align, fit
-from engine.faces.cli.imaging import dimensions, image, recognise
+from engine.faces.cli.imaging import image, recognise
 from engine.faces.cli.options import Format, Target
 
 if TYPE_CHECKING:
