@@ -37,10 +37,11 @@ def two() -> Built:
 def test_a_part_is_placed_by_friction_alone_within_three_millimetres() -> None:
     found, _ = place(SCENE, "angle", "base")
     assert isinstance(found, Placed)
-    went, (metres, radians) = running.brought(SCENE, "angle", found)
-    assert went is running.Went.DONE
-    assert metres < NEAR_M
-    assert radians < np.radians(1)
+    done = running.carried(SCENE, "angle", found)
+    assert done.went is running.Went.DONE
+    assert not done.touched
+    assert done.off[0] < NEAR_M
+    assert done.off[1] < np.radians(1)
 
 
 @pytest.mark.slow

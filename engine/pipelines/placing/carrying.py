@@ -7,9 +7,10 @@ import numpy as np
 from engine.kernels.geometry.proof import proved
 from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats
-from engine.model.motion import FINEST_M, Moved, Query
+from engine.model.motion import FINEST_M, Moved, Query, Strategy
 from engine.pipelines.placing.answers import Carry, Leg, NotPlaced
-from engine.pipelines.placing.holding import BACK_M, HAND, Reach, with_hand
+from engine.pipelines.placing.approaching import WayOut
+from engine.pipelines.placing.holding import HAND, Reach, with_hand
 from engine.pipelines.placing.task import Task
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.motion.planner import plan
@@ -26,19 +27,20 @@ def carried(
     here, there = poses
     grasp, T = task.holds.grasps[task.holds.grasp_of[hold]], task.holds.poses[hold]
     empty, above, full, free, left = _reaches(task, grasp.opening, T, poses)
-    back, up = -BACK_M * (here @ T)[:3, 2], np.array([0.0, 0.0, LIFT_M])
+    out = WayOut(task, hold, here), WayOut(task, hold, there)
+    up, strategy = np.array([0.0, 0.0, LIFT_M]), task.manner.strategy
     for q in ends(empty, here @ T, near):
-        taken = empty.line(here @ T, q, back)
+        taken = out[0].configurations(empty, q)
         lifted = full.line(here @ T, q, up)
         if taken is None or lifted is None:
             continue
         for end in ends(left, there @ T, q):
             lowered = full.line(there @ T, end, up)
-            away = left.line(there @ T, end, -BACK_M * (there @ T)[:3, 2])
+            away = out[1].configurations(left, end)
             if lowered is None or away is None:
                 continue
-            first = gross(above, near, taken[-1])
-            second = gross(free, lifted[-1], lowered[-1])
+            first = gross(above, near, taken[-1], strategy)
+            second = gross(free, lifted[-1], lowered[-1], strategy)
             if first is None or second is None:
                 continue
             legs = (
@@ -92,11 +94,10 @@ def ends(reach: Reach, T_world_hand: Floats, near: Floats) -> Floats:
     return reach.configurations(T_world_hand, near)[:CHOICES]
 
 
-def gross(reach: Reach, start: Floats, goal: Floats) -> Moved | None:
+def gross(reach: Reach, start: Floats, goal: Floats, strategy: Strategy = Strategy.CONNECT) -> Moved | None:
     """A proved motion between two configurations (k,); None if none is found."""
     own = reach.hand.own
-    found = plan(
-        Ground(reach.checker),
-        Query(start, goal[None], budget=BUDGET, moving=tuple(range(own.start, own.stop))),
-    )
+    moving = tuple(range(own.start, own.stop))
+    query = Query(start, goal[None], budget=BUDGET, moving=moving, strategy=strategy)
+    found = plan(Ground(reach.checker), query, reach.hand)
     return found if isinstance(found, Moved) else None

@@ -9,13 +9,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from engine.kernels.rigid import rotation_vector
+from engine.kernels.rigid import rotation, rotation_vector
 from engine.model.geometry import Floats
 from engine.pipelines.placing.answers import Carry
 from engine.pipelines.placing.holding import HAND
 from engine.pipelines.witness.touches import body_of
-from engine.pipelines.workshop.shop import LEFT, RIGHT, Workshop
-from engine.stages.grasping.insertion import Insertion, Phase, Search, advance, begun
+from engine.pipelines.workshop.shop import Workshop
+from engine.stages.grasping.insertion import Insertion, Phase, advance, begun
 
 ABOVE_M = 0.006  # over the rim, where the search begins
 LOOK_S = 0.01  # between two looks at the force
@@ -41,7 +41,7 @@ def inserted(shop: Workshop, part: str, carry: Carry) -> bool:
     until = shop.seconds + MOST_S
     while shop.seconds < until and now.phase not in (Phase.DONE, Phase.FAILED):
         now = advance(plan, now, servo.at(), force, LOOK_S)
-        servo.go(now.target, plan.press_n - force if now.phase in PRESSING else None)
+        servo.go(now.target, plan.press_n - force if now.phase in PRESSING else None, now.lean_rad)
         shop.wait(LOOK_S)
         force = _push_n(shop, part)
         at = servo.at()
@@ -75,18 +75,21 @@ def _to_the_end(shop: Workshop, part: str, servo: "_Servo", plan: Insertion) -> 
 
 
 class _Servo:
-    """The arm as the controller sees it: places are those of the part beside its goal, heights count from the rim."""
+    """The arm as the controller sees it: places are those of the part beside its goal, heights count from the rim.
+
+    Its x axis is that in which the fingers close, as far as this is horizontal: they hold a part firmly that is tilted that way.
+    """
 
     def __init__(self, shop: Workshop, carry: Carry, plan: Insertion) -> None:
         self.shop, joints = shop, shop.scene.cell.arms[shop.arm].arm.joints
         model = shop.stage.model
         self.own = [int(model.joint(f"{shop.arm}/{each.name}").dofadr[0]) for each in joints]
-        self.straight = plan.search is Search.NONE
         T_hand_tool = np.linalg.inv(shop.stage.pose(HAND)) @ self._tool()
         self.T_goal = (
             carry.T_world_to @ carry.T_part_hand @ np.linalg.inv(T_hand_tool)
         )  # of the body of the hand
         self.rim = self.T_goal[:3, 3] + [0.0, 0.0, plan.depth_m]
+        self.axes = rotation((0.0, 0.0, 1.0), float(np.arctan2(self.T_goal[1, 0], self.T_goal[0, 0])))
         self.height, self.lags = self.at()[2], np.zeros(2)
 
     def _tool(self) -> Floats:
@@ -95,20 +98,22 @@ class _Servo:
 
     def at(self) -> Floats:
         """Where the hand is (3,), from above the hole at the height of the rim."""
-        found: Floats = self.shop.stage.pose(HAND)[:3, 3] - self.rim
+        found: Floats = self.axes.T @ (self.shop.stage.pose(HAND)[:3, 3] - self.rim)
         return found
 
-    def go(self, target: Floats, lacking_n: float | None) -> None:
-        """Aim at a place (3,); where force is lacking, the height follows from that."""
+    def go(self, target: Floats, lacking_n: float | None, lean_rad: float = 0.0) -> None:
+        """Aim at a place (3,), leaning about y; where force is lacking, the height follows from that."""
         if lacking_n is None:
             self.height = target[2]
         else:
             self.height -= float(np.clip(YIELD * lacking_n, -FASTEST, FASTEST)) * LOOK_S
             self.lags += PULLS * LOOK_S * (target[:2] - self.at()[:2])
-        wanted = np.array([target[0] + self.lags[0], target[1] + self.lags[1], self.height]) + self.rim
+        beside = np.array([target[0] + self.lags[0], target[1] + self.lags[1], self.height])
+        wanted = self.axes @ beside + self.rim
+        leant = self.axes @ rotation((0.0, 1.0, 0.0), lean_rad) @ self.axes.T @ self.T_goal[:3, :3]
         q, shop = self.shop.q, self.shop
         T = self._aimed()
-        off = np.concatenate([wanted - T[:3, 3], rotation_vector(self.T_goal[:3, :3] @ T[:3, :3].T)])
+        off = np.concatenate([wanted - T[:3, 3], rotation_vector(leant @ T[:3, :3].T)])
         J = self._jacobian()
         step = J.T @ np.linalg.solve(J @ J.T + DAMPED**2 * np.eye(6), off)
         shop.aim(q + np.clip(step, -0.02, 0.02))
@@ -129,7 +134,7 @@ class _Servo:
 
 def _push_n(shop: Workshop, part: str) -> float:
     """How hard a part and the hand are pushed up by everything else (N)."""
-    own, pushed = {part, HAND, LEFT, RIGHT}, 0.0
+    own, pushed = {part, *shop.own}, 0.0
     stage, force = shop.stage, np.zeros(6)
     for number in range(stage.data.ncon):
         contact = stage.data.contact[number]
