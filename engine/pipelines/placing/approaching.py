@@ -47,6 +47,11 @@ class WayOut:
             return None
         return reach.through(T_world_hand @ poses_of(self.in_plane.poses[::-1]), q)
 
+    def stuck(self) -> str:
+        """Why there is no way in the plane; empty where there is one, or none was looked for."""
+        answer = None if self.task.manner.coming is Coming.STRAIGHT else self.in_plane
+        return answer.reason if isinstance(answer, NoApproach) else ""
+
     @cached_property
     def in_plane(self) -> ApproachAnswer:
         """The way to the grasp in its plane; else why there is none, from the last start that was tried."""

@@ -53,7 +53,9 @@ def carried(
             )
             return Carry(grasp, T, here, there, rest, legs)
     hint = "move what stands between, or the table where parts are taken anew"
-    return NotPlaced("motion", f"no motion carries {task.part} with the grasps that are possible", hint)
+    stuck = " ".join(dict.fromkeys(why for each in out if (why := each.stuck())))
+    said = f"no motion carries {task.part} with the grasps that are possible"
+    return NotPlaced("motion", f"{said}; in the grasp plane {stuck}" if stuck else said, hint)
 
 
 def _reaches(

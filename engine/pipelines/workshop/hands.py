@@ -22,10 +22,11 @@ LEFT, RIGHT = f"{HAND}_left", f"{HAND}_right"
 ONE, TWO, THREE = (f"{HAND}_finger_{n}" for n in (1, 2, 3))
 KNUCKLES = (f"{HAND}_knuckle_2", f"{HAND}_knuckle_3")
 FINGER_KG, PALM_KG = 0.1, 0.5
-STIFF_N_M, DAMPED = (
-    60_000.0,
-    6_000.0,
-)  # N/m and N s/m: worm gears hardly give way, and creep up to what they meet
+CLOSE_S, SETTLES_S = 0.7, 0.3  # until jaws have opened or closed, and until three fingers rest
+STIFF_N_M, DAMPED = 60_000.0, 700.0  # N/m and N s/m: worm gears hardly give way
+SPEED_M_S, LOOK_S = 0.015, 0.01  # of fingers that close
+LOOKS, STOPPED_M = 8, 0.0002  # a finger that went less far in so many looks has met something
+STIFF_NM_RAD, DAMPED_TURNING = 2_000.0, 40.0  # of the knuckles
 STRONG = 3.0  # times the force of a pad: what a finger bears that the others press against
 BESIDE_M = 0.002  # a finger that still closes so far beyond its place has met nothing there
 
@@ -47,8 +48,8 @@ class Hand(Protocol):
         """Aim at being open for a grasp (`Grasp.opening`), with the clearance beside it."""
         ...
 
-    def closing(self, stage: Stage) -> "Iterator[None]":
-        """Aim at pressing on what is between the fingers, in steps; each takes the time in which the hand closes."""
+    def closing(self, stage: Stage) -> Iterator[float]:
+        """Close on what is between the fingers: each item is for how long (s) to go on before the next aim."""
         ...
 
     def width_m(self, stage: Stage) -> float:
@@ -98,10 +99,10 @@ class TwoJaws:
         """Both jaws aim at half of what is left of the width."""
         self._aim(stage, self.jaws.opening_m / 2 - opening[0] / 2)
 
-    def closing(self, stage: Stage) -> Iterator[None]:
+    def closing(self, stage: Stage) -> Iterator[float]:
         """Both jaws aim at each other."""
         self._aim(stage, self.jaws.opening_m / 2 + self.jaws.clearance_m)
-        yield
+        yield CLOSE_S
 
     def width_m(self, stage: Stage) -> float:
         """How far the jaws are apart."""
@@ -160,11 +161,12 @@ class ThreeClosing:
 
     def prepare(self, stage: Stage) -> None:
         """The drives are gears."""
-        for name in (*self.fingers, *KNUCKLES):
-            number = stage.model.actuator(name).id
-            stage.model.actuator_gainprm[number, 0] = STIFF_N_M
-            stage.model.actuator_biasprm[number, 1:3] = -STIFF_N_M, -DAMPED
+        for name in self.fingers:
+            _geared(stage, name, STIFF_N_M, DAMPED)
             _press(stage, name, STRONG * self.hand.force_n)
+        for name in KNUCKLES:
+            _geared(stage, name, STIFF_NM_RAD, DAMPED_TURNING)
+            _press(stage, name, STRONG * self.hand.force_n * self.hand.opening_m)
 
     def open_for(self, stage: Stage, opening: Sequence[float]) -> None:
         """Each finger aims at its way, and the knuckles at the spread."""
@@ -176,24 +178,40 @@ class ThreeClosing:
         for name in KNUCKLES:
             stage.aim(name, opening[4])
 
-    def closing(self, stage: Stage) -> Iterator[None]:
-        """The first finger, then both others."""
+    def closing(self, stage: Stage) -> Iterator[float]:
+        """The first finger goes to its place, then the others until they meet something; then all press."""
         first, *others = self.fingers
         most = self.hand.opening_m + self.hand.clearance_m
         place = most - (self.opening[1] if self.opening else 0.0)
-        stage.aim(first, place)
-        yield
         share = self.hand.force_n / (2 * np.cos(self.opening[4] if self.opening else 0.0))
+        yield from self._led(stage, (first,), place, self.hand.force_n)
         for name in others:
             _press(stage, name, share)
-            stage.aim(name, most + BESIDE_M)
+        yield from self._led(stage, others, most + BESIDE_M, share)
         stage.aim(first, place + self.hand.force_n / STIFF_N_M)
-        yield
+        yield SETTLES_S
         for name in others:
             met = stage.value(name)
             _press(stage, name, STRONG * self.hand.force_n)
             stage.aim(name, met + share / STIFF_N_M)
-        yield
+        yield SETTLES_S
+
+    def _led(self, stage: Stage, fingers: Sequence[str], goal: float, force_n: float) -> Iterator[float]:
+        """Fingers go on slowly until they are at a goal or have met something. Their aim is never farther ahead than they press."""
+        ahead, before = 2 * force_n / STIFF_N_M, {name: -np.inf for name in fingers}
+        going = set(fingers)
+        while going:
+            for name in sorted(going):
+                at = stage.value(name)
+                if at - before[name] < STOPPED_M or goal - at < STOPPED_M:
+                    going.discard(name)
+                before[name] = at
+            for _ in range(LOOKS):
+                for name in fingers:
+                    at = stage.value(name)
+                    target = float(stage.data.ctrl[stage.model.actuator(name).id])
+                    stage.aim(name, min(target + SPEED_M_S * LOOK_S, at + ahead, goal))
+                yield LOOK_S
 
     def width_m(self, stage: Stage) -> float:
         """The way of the first finger, and the longer one of the others."""
@@ -210,6 +228,12 @@ def _boxes(blocks: tuple[Floats, Floats]) -> list[PlacedShape]:
 
 def _finger(name: str, at: Placement, shape: PlacedShape, guide: Guide, friction: float) -> Body:
     return Body(name, BodyKind.TOOL, at, (shape,), guide=guide, mass_kg=FINGER_KG, friction=friction)
+
+
+def _geared(stage: Stage, name: str, stiff: float, damped: float) -> None:
+    number = stage.model.actuator(name).id
+    stage.model.actuator_gainprm[number, 0] = stiff
+    stage.model.actuator_biasprm[number, 1:3] = -stiff, -damped
 
 
 def _press(stage: Stage, name: str, force_n: float) -> None:

@@ -17,7 +17,7 @@ from engine.pipelines.placing.holding import HAND
 from engine.pipelines.witness.model import quaternion
 from engine.pipelines.witness.stage import Stage
 from engine.pipelines.witness.touches import body_of
-from engine.pipelines.workshop.hands import Hand, hand_of
+from engine.pipelines.workshop.hands import CLOSE_S, Hand, hand_of
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.solids import solid_of
 from engine.stages.geometry.world.model import World
@@ -25,7 +25,7 @@ from engine.stages.grasping.placements import volume_and_centre
 from kb.model.cell import Body, BodyKind, Cell, Placement
 from kb.model.scene import Scene
 
-SETTLE_S, CLOSE_S = 0.3, 0.7  # until the servos have caught up, and until the fingers have opened or closed
+SETTLE_S = 0.3  # until the servos have caught up
 EMPTY_FACTOR, CARRY_FACTOR = 0.6, 0.3  # shares of the full speed and acceleration
 GRAVITY = 9.81  # m/s2
 FLOOR_M = -0.5  # what is lower has fallen from the table
@@ -103,8 +103,8 @@ class Workshop:
 
     def close(self) -> float:
         """The fingers close until they meet something, or each other; how far apart they are then (m)."""
-        for _ in self.hand.closing(self.stage):
-            self.wait(CLOSE_S)
+        for seconds in self.hand.closing(self.stage):
+            self.wait(seconds)
         return self.hand.width_m(self.stage)
 
     def clamp(self, part: str, on: bool) -> None:
