@@ -75,7 +75,7 @@ def _consistent(random: np.random.Generator, T: Any) -> list[Relation]:
 def localisation(number: int, first: int) -> Figures:
     """How many parts are found within 2 mm and 1 degree, how many wrongly, and the processor times in seconds."""
     counts: Counter[str] = Counter()
-    times, wrong, metres_all, radians_all = [], [], [], []
+    times, wrong, missed, metres_all, radians_all = [], [], [], [], []
     for seed, present in product(range(first, first + number), (True, False)):
         made = trial(seed, present)
         model = Model(made.part)
@@ -84,6 +84,8 @@ def localisation(number: int, first: int) -> Figures:
         times.append(time.process_time() - started)
         if not isinstance(found, Located):
             counts["not found, is there" if present else "not found, is not there"] += 1
+            if present:
+                missed.append([seed, found.reason])
         elif made.T_camera_part is None:
             counts["found, is not there"] += 1
             wrong.append(seed)
@@ -103,6 +105,7 @@ def localisation(number: int, first: int) -> Figures:
         "p95_s": float(np.quantile(times, 0.95)),
         "median_mm": 1000 * float(np.median(metres_all)),
         "median_degrees": float(np.degrees(np.median(radians_all))),
+        "missed": missed,
         "wrong seeds": wrong,
         "wrong in all": len(wrong),
     }

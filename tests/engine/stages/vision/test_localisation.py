@@ -158,12 +158,3 @@ def test_a_part_of_nearly_the_same_size_is_not_taken_for_the_one_that_is_looked_
     assert isinstance(there, Located)
     assert there.best.off_px < 0.5
     assert isinstance(instead, NotLocated)
-
-
-def test_a_steep_side_that_is_seen_on_few_pixels_does_not_contradict_the_true_part() -> None:
-    """There a beam that meets the side a quarter of a pixel beside is some millimetres deeper."""
-    wall, T = block(0.03, 0.11, 0.06), lying(-0.13, -0.1, np.radians(10), 0.03)
-    for seed in range(4):
-        found = locate(Model(wall), *seen((wall, T), seed=seed))
-        assert isinstance(found, Located)
-        assert found.best.agreeing > 0.998
