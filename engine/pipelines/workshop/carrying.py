@@ -33,6 +33,12 @@ class Went(StrEnum):
 
 def carry_out(shop: Workshop, part: str, carry: Carry) -> Went:
     """Take a part and let it go as planned. After a failure the arm is where it can go on from: backed off, and empty."""
+    taken = take_up(shop, part, carry)
+    return taken if taken is not Went.DONE else put_down(shop, part, carry)
+
+
+def take_up(shop: Workshop, part: str, carry: Carry) -> Went:
+    """Take a part, and carry it to above where it is to go."""
     legs = {leg.what: leg for leg in carry.legs}
     shop.open_for(carry.grasp.opening)
     shop.permit()
@@ -47,8 +53,12 @@ def carry_out(shop: Workshop, part: str, carry: Carry) -> Went:
         _back(shop, way_in)
         return Went.NOT_GRIPPED
     shop.load = part
-    if not all(_full(shop, part, legs[name]) for name in ("lift", "carry")):
-        return Went.LOST
+    return Went.DONE if all(_full(shop, part, legs[name]) for name in ("lift", "carry")) else Went.LOST
+
+
+def put_down(shop: Workshop, part: str, carry: Carry) -> Went:
+    """Let a part go that is held above where it is to go; it is inserted where it is enclosed there."""
+    legs = {leg.what: leg for leg in carry.legs}
     if carry.insertion is not None:
         return _put_in(shop, part, carry, legs)
     if not _full(shop, part, legs["lower"]):
