@@ -2,7 +2,6 @@
 
 import time
 from collections import Counter
-from copy import copy
 from dataclasses import replace
 from importlib.util import find_spec
 from typing import Any
@@ -16,6 +15,7 @@ from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.placing import place
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.solids import solid_of
+from engine.stages.geometry.world.model import World
 from engine.stages.grasping.insertion import Search
 from engine.stages.grasping.placements import placements, volume_and_centre
 from kb.loader.scene import load_scene
@@ -158,28 +158,30 @@ class _Held:
         scene = replace(scene, hand=replace(scene.hand, accuracy_m=MOST_M / 3))
         found, _ = place(scene, "peg", "block")
         assert isinstance(found, Placed)
-        self.goal, self.carry = found.T_world_goal[:3, 3], found.carries[-1]
-        self.shop = Workshop(scene)
-        assert take_up(self.shop, "peg", self.carry) is Went.DONE
-        self.block = self.shop.stage.model.body("block").pos.copy()
-        self.then, self.q = copy(self.shop.stage.data), self.shop.q
+        self.scene, self.goal, self.carry = scene, found.T_world_goal[:3, 3], found.carries[-1]
+        shop = Workshop(scene)
+        assert take_up(shop, "peg", self.carry) is Went.DONE
+        self.then, self.q = shop.stage.data, shop.q
 
     def inserted(self, search: Search, beside: Floats) -> tuple[str, float]:
         """How a peg ends whose hole is beside where it is believed: `in`, or how it went; and after how many seconds."""
         import mujoco
 
         from engine.pipelines.workshop.carrying import put_down
+        from engine.pipelines.workshop.shop import Workshop
 
-        shop, plan = self.shop, self.carry.insertion
+        plan, moved = self.carry.insertion, World.of(self.scene.cell).pose("world", "block").copy()
         assert plan is not None
-        mujoco.mj_copyData(shop.stage.data, shop.stage.model, self.then)
+        moved[:3, 3] += beside
+        shop = Workshop(self.scene, {"block": moved})
+        data = shop.stage.data
+        for name in ("qpos", "qvel", "ctrl", "act", "qacc_warmstart"):
+            getattr(data, name)[:] = getattr(self.then, name)
+        mujoco.mj_forward(shop.stage.model, data)
         shop.q, shop.load = self.q, "peg"
-        shop.stage.model.body("block").pos[:] = self.block + beside
-        mujoco.mj_forward(shop.stage.model, shop.stage.data)
         began = shop.seconds
-        went = put_down(
-            shop, "peg", replace(self.carry, insertion=replace(plan, search=search, doubt_m=MOST_M))
-        )
+        tried = replace(self.carry, insertion=replace(plan, search=search, doubt_m=MOST_M))
+        went = put_down(shop, "peg", tried)
         shop.wait(0.5)
         apart = shop.pose("peg")[:3, 3] - self.goal - beside
         inside = np.abs(apart[:2]).max() < IN_M and apart[2] < DEEP_M
