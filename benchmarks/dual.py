@@ -1,6 +1,6 @@
 """Two arms: how much sooner they are done, and whether a delay lets them collide.
 
-    python benchmarks/dual.py [--part bulkhead|delays|physics|themse ...] [--points N] [--runs N] [--json FILE]
+    python benchmarks/dual.py [--part bulkhead|delays|physics|themse ...] [--points N] [--runs N] [--work FOLDER] [--json FILE]
 
 `bulkhead`: points on the bulkhead, whose halves are in the reach of one arm each, with a common strip of a fifth of the width. Each
 arm takes its half column by column, both in the same direction. The makespan of both is compared with that of one arm that does all,
@@ -13,6 +13,7 @@ import argparse
 import json
 import random
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -77,16 +78,20 @@ def main() -> int:
     parser.add_argument("--part", nargs="*", default=["bulkhead", "delays", "physics", "themse"])
     parser.add_argument("--points", type=int, default=400)
     parser.add_argument("--runs", type=int, default=1_000)
-    parser.add_argument("--work", type=Path, default=Path("dual_benchmark"))
+    parser.add_argument(
+        "--work", type=Path, help="a folder that keeps the cells; without it they are not kept"
+    )
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    parts: dict[str, Callable[[], dict[str, Any]]] = {
-        "bulkhead": lambda: bulkhead(asked.points, asked.runs, asked.work),
-        "delays": lambda: delays(asked.runs),
-        "physics": physics,
-        "themse": lambda: themse(8, asked.work),
-    }
-    found = {part: parts[part]() for part in asked.part}
+    with tempfile.TemporaryDirectory() as lost:
+        work = asked.work or Path(lost)
+        parts: dict[str, Callable[[], dict[str, Any]]] = {
+            "bulkhead": lambda: bulkhead(asked.points, asked.runs, work),
+            "delays": lambda: delays(asked.runs),
+            "physics": physics,
+            "themse": lambda: themse(8, work),
+        }
+        found = {part: parts[part]() for part in asked.part}
     print(json.dumps(found, indent=1))
     if asked.json:
         asked.json.write_text(json.dumps(found))

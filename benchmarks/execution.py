@@ -33,7 +33,7 @@ from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import taken_up
 from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Simulator
-from engine.pipelines.simulator.driver import Settings
+from engine.pipelines.simulator.settings import Settings
 from kb.loader import load
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem

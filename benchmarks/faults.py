@@ -33,7 +33,8 @@ from engine.pipelines.execution.records import read_atom
 from engine.pipelines.planning import problem_of
 from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Injection, Simulator, possible
-from engine.pipelines.simulator.driver import Settings, fault_base
+from engine.pipelines.simulator.driver import fault_base
+from engine.pipelines.simulator.settings import Settings
 from engine.pipelines.units import Kind, Unit, carried_out, crew_of
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem

@@ -40,7 +40,7 @@ from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import read_atom
 from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Simulator
-from engine.pipelines.simulator.driver import Settings
+from engine.pipelines.simulator.settings import Settings
 from engine.pipelines.timetable import timed
 from engine.stages.grounding import ground
 from engine.stages.scheduling import ScheduleLimits

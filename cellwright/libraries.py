@@ -65,8 +65,8 @@ def keep_sequence(
     Raises `InvalidInput`.
     """
     from engine.formats.report import progress as report
-    from engine.pipelines.inspection.keeping import carry_on
     from engine.pipelines.inspection.progress import News
+    from engine.pipelines.parts.keeping import carry_on
     from engine.stages.sequencing import Limits
 
     news = News(tuple(done), tuple(lost), dict(bad or {}), tuple(restored))

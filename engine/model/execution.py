@@ -9,6 +9,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+SEEN = "seen"  # in the data of a reply: bodies that the arm has met, or that a sensor has seen
+OBSTRUCTED = (
+    "obstructed"  # the reply of an arm that something has stopped: it is where it was before the step
+)
+NO_MOTION = (
+    "no_motion"  # what a step has for a reply that is not sent, because no motion is found for it any more
+)
 VERSION = 1  # of commands, replies and records; whoever reads a greater number refuses it
 
 
@@ -153,7 +160,8 @@ class RecordKind(StrEnum):
     REPLY: command, text, data. A command that got none in time has the text `timeout`.
     TROUBLE: trouble (its kind), text, command.
     DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the world model; moved: the
-          stages that were reached, [[chain, number, atom]].
+          stages that were reached, [[chain, number, atom]]; arms {name: {q, place, inside, straight}}: where those are that
+          have moved, in a run with motion.
     RESULT: command, action, result (the fact of the result pattern, or empty), and where the domain says what is measured of,
             quantity, value, unit, nominal, lower, upper, uncertainty, risk, passed, tool.
     ALIGNMENT: part (twelve numbers, as in commands; empty if no place of the part fits), centre, covariance, wrong (datums that disagree),
@@ -161,7 +169,7 @@ class RecordKind(StrEnum):
     EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command, reply.
     FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis, probability]] before it, expected_cost.
     DIAGNOSIS: exception, causes [[hypothesis, probability]], cured, isolated, cost.
-    WORLD: why, adds, ends, reached: the world model was corrected.
+    WORLD: why, adds, ends, reached: the world model was corrected; bodies {name: {at, rpy, box}}, if some were seen.
     GIVEN_UP: goal, why.
     GOAL: goal: a stage was reached.
     ORDER: order, given (what it says besides), origin (terminal, socket), who and when (date and time, UTC) if known.

@@ -7,7 +7,7 @@ here each internal operator stands just behind the step that makes it possible, 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from engine.model.stages import REACHES, STAGE
+from engine.model.stages import ENDS, MEETS, REACHES, STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
 from kb.terms import Function
 
@@ -151,4 +151,21 @@ def replayed(
 def reached_goals(task: Task, state: Bits) -> Bits | None:
     """The alternative of the goals that holds in a closed state, with fluents from which its derived atoms follow."""
     found = next((goal for goal in task.goals if not goal & ~state), None)
+    return found if found is None or task.axioms is None else task.axioms.support(state, found)
+
+
+def reached_at_the_end(task: Task, state: Bits) -> Bits | None:
+    """As `reached_goals`, if the plan ended here: of atoms that only internal operators add at its end, it has what these need."""
+    added: dict[Bits, Bits] = {each.adds: 0 for each in task.operators if each.instance.name == ENDS}
+    ended = sum(added)
+    for each in task.operators:
+        if each.instance.name == MEETS and not (needed := each.preconditions & ~ended) & ~state:
+            added.setdefault(each.adds, needed)
+    whole = state
+    for atoms in added:
+        whole |= atoms
+    found = reached_goals(replace(task, axioms=None), whole)
+    for atoms, needed in added.items():
+        if found is not None and found & atoms:
+            found = found & ~atoms | needed
     return found if found is None or task.axioms is None else task.axioms.support(state, found)

@@ -8,6 +8,8 @@ from kb.terms import Atom, Function, Number, Text
 
 STAGE = "_stage"
 REACHES = "_reaches"
+# Internal operators: one ends a plan, the others say then how a goal holds.
+ENDS, MEETS = "_ends", "_meets"
 
 
 def stage_atom(chain: Chain, reached: int) -> Atom:

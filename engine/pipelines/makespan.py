@@ -11,9 +11,9 @@ from engine.pipelines.timetable import (
     by_other_means,
     keeping,
     own_order,
-    plan_without_spares,
     timed,
     value_of,
+    without_spares,
 )
 from engine.pipelines.timetable.kept import LONG
 from engine.pipelines.timetable.orders import least_makespan
@@ -44,8 +44,7 @@ def fastest(
     plans = list(_plans(problem, task, outcome, limits))
     made = [timed(problem, task, each, work) for each in plans]
     if isinstance(made[0], Timetable):
-        fewer = plan_without_spares(problem, task, outcome, made[0], limits)
-        made += [] if fewer is None else [timed(problem, task, fewer, work)]
+        made += without_spares(problem, task, outcome, made[0], limits, work)
     choosing = replace(work, work=min(work.work / 6, CHOOSING))
     made += [each for each in [by_other_means(problem, task, plans, choosing, bound)] if each is not None]
     found = [own, *(each for each in made if isinstance(each, Timetable))]

@@ -1,11 +1,12 @@
 """The measurement knowledge base in the same database as the MACROPs: one document for each measurement, tool and station."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from sqlalchemy import delete, insert, select
 
 from kb.store.engines import POSES, lock, transaction
 from kb.store.opening import Database
+from kb.store.outlines import chunks
 from kb.store.schema import poses
 
 Key = tuple[str, str, str]  # measurement, tool, station
@@ -21,9 +22,16 @@ class PoseStore(Database):
         with transaction(self._engine, self.target) as connection:
             return {(row[0], row[1], row[2]): row[3] for row in connection.execute(asked)}
 
-    def keep(self, domain: str, problem: str, documents: Mapping[Key, str]) -> None:
-        """Put documents in the place of all that are kept for a problem."""
+    def keep(
+        self,
+        domain: str,
+        problem: str,
+        documents: Mapping[Key, str],
+        measurements: Collection[str] | None = None,
+    ) -> None:
+        """Put documents in the place of all that are kept for a problem, or for some of its measurements."""
         mine = (poses.c.domain == domain) & (poses.c.problem == problem)
+        some = [None] if measurements is None else chunks(sorted(measurements))
         rows = [
             {
                 "domain": domain,
@@ -37,6 +45,8 @@ class PoseStore(Database):
         ]
         with transaction(self._engine, self.target, writes=True) as connection:
             lock(connection, POSES)
-            connection.execute(delete(poses).where(mine))
+            for names in some:
+                own = mine if names is None else mine & poses.c.measurement.in_(names)
+                connection.execute(delete(poses).where(own))
             if rows:
                 connection.execute(insert(poses), rows)

@@ -20,11 +20,12 @@ from kb.store.schema import sequences
 
 @dataclass(frozen=True, slots=True)
 class PlannedVisit:
-    """A planned visit: its tool, and its position in metres."""
+    """A planned visit: its tool, its position in metres, and its arm where several arms share the visits."""
 
     name: str
     tool: str
     position: tuple[float, ...]
+    arm: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +87,8 @@ class Sequences(Database):
 
 def _document(plan: SequencePlan) -> str:
     content = {
-        "done": [[each.name, each.tool, each.position] for each in plan.done],
-        "rest": [[each.name, each.tool, each.position] for each in plan.rest],
+        "done": [_row(each) for each in plan.done],
+        "rest": [_row(each) for each in plan.rest],
         "lost": plan.lost,
         "bad": dict(plan.bad),
         "impossible": dict(plan.impossible),
@@ -96,12 +97,17 @@ def _document(plan: SequencePlan) -> str:
     return json.dumps(content, ensure_ascii=False)
 
 
+def _row(visit: PlannedVisit) -> list[Any]:
+    """A visit as it is written; the arm is left out where there is one alone."""
+    return [visit.name, visit.tool, visit.position, *([visit.arm] if visit.arm else [])]
+
+
 def _plan(domain: str, problem: str, content: Mapping[str, Any], version: int) -> SequencePlan:
     return SequencePlan(
         domain,
         problem,
-        tuple(PlannedVisit(name, tool, tuple(at)) for name, tool, at in content["done"]),
-        tuple(PlannedVisit(name, tool, tuple(at)) for name, tool, at in content["rest"]),
+        tuple(PlannedVisit(name, tool, tuple(at), *arm) for name, tool, at, *arm in content["done"]),
+        tuple(PlannedVisit(name, tool, tuple(at), *arm) for name, tool, at, *arm in content["rest"]),
         tuple(content["lost"]),
         dict(content["bad"]),
         dict(content["impossible"]),

@@ -10,6 +10,7 @@ from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import problem_of
 from engine.pipelines.poses.planning import plan_with_poses
 from engine.pipelines.simulator import HiddenCell
+from engine.pipelines.witness.body import Body
 from engine.pipelines.witness.driver import physical
 from engine.pipelines.witness.playing import played
 from engine.plugins import geometry_backend
@@ -139,3 +140,13 @@ def test_a_hand_still_holds_the_lid_that_does_not_turn_while_its_sensors_are_rea
 def test_options_that_the_cell_does_not_know_are_refused(options: dict[str, str]) -> None:
     with pytest.raises(InvalidInput):
         cell_with(**options)
+
+
+@pytest.mark.slow
+def test_an_arm_that_rests_in_the_way_of_another_goes_home_first() -> None:
+    cell = cell_with("dual/crossing")
+    steps = ("pick(left, rod_2, middle_2)", "pick(right, rod_1, middle_1)", "put(left, rod_2, tray_1)")
+    assert [cell.take(step, "done") for step in steps] == ["done"] * 3
+    body = cell.body
+    assert isinstance(body, Body)
+    assert body.stage.touches.found == ()

@@ -119,7 +119,7 @@ def steps(path: Path) -> None:
 
 def settings(path: Path) -> None:
     from engine.pipelines.controllers.settings import patience_of, place_of
-    from engine.pipelines.simulator.driver import settings_of
+    from engine.pipelines.simulator.settings import settings_of
     from engine.ports import DriverSetup
     from kb.diagnostics import InvalidInput
 

@@ -12,8 +12,9 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
@@ -55,20 +56,20 @@ class Answer:
     raw: str | None = None
 
 
-def give(make: Callable[[], Answer], form: Form) -> NoReturn:
-    """Make the answer, print it and exit with its code."""
+def give(make: Callable[[], Answer], form: Form, output: Path | None = None) -> NoReturn:
+    """Make the answer, print it and exit with its code. With `output`, the answer goes to that file, and its text is printed."""
     if watch := current():
         watch.tell = lambda code: _print_stopped(code, form)
     with _hearing():
         answer = _answered(make)
     answered()
     with suppress(OSError):  # even if the reason cannot be printed, the exit code is right
-        if form is Form.TEXT or answer.raw is not None:
+        if form is Form.TEXT or answer.raw is not None or output:
             _report(answer)
         if uncompiled():
             sys.stderr.write(UNCOMPILED)
     with writing():
-        _print(answer, form)
+        _print(answer, form) if output is None else _print_and_save(answer, form, output)
         sys.stdout.flush()
     raise typer.Exit(answer.code)
 
@@ -209,16 +210,39 @@ def _print_stopped(code: int, form: Form) -> None:
 
 
 def _print(answer: Answer, form: Form) -> None:
-    if answer.raw is not None:
-        _write(answer.raw)
-    elif form is Form.JSON:
-        from engine.formats.report import json
-
-        _write(json.envelope(answer.status, answer.content, answer.diagnostics) + "\n")
+    document = _document(answer, form)
+    if document is not None:
+        _write(document)
     elif answer.text is not None:
         from engine.faces.cli.terminal import console
 
         console().print(answer.text())
+
+
+def _document(answer: Answer, form: Form) -> str | None:
+    """The answer as data or as a picture; None if it is text."""
+    if answer.raw is not None or form is Form.TEXT:
+        return answer.raw
+    from engine.formats.report import json
+
+    return json.envelope(answer.status, answer.content, answer.diagnostics) + "\n"
+
+
+def _print_and_save(answer: Answer, form: Form, output: Path) -> None:
+    """Print the text, then write the file, so that a full disk does not take the answer with it. A failure is not written."""
+    from engine.faces.cli.saving import save
+    from engine.faces.cli.terminal import console
+    from kb.diagnostics import escaped
+
+    _print(replace(answer, raw=None), Form.TEXT)
+    document = _document(answer, form) if answer.text and answer.code in (0, INTERRUPTED) else None
+    if document is not None:
+        try:
+            save(output, escaped(document))
+        except OSError as error:
+            sys.stderr.write(f"cannot write {output}: {error.strerror}\n")
+            raise typer.Exit(BAD_INPUT) from None
+        console(soft_wrap=True).print(f"\nWritten to {output}.", markup=False, highlight=False)
 
 
 def _write(text: str) -> None:

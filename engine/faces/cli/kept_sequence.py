@@ -21,7 +21,7 @@ def carried_on(
     """The visits that are left. `said` holds the texts of --done, --lost, --bad and --restored."""
     from engine.faces.cli.interruption import Interruption
     from engine.formats.report import progress as report
-    from engine.pipelines.inspection.keeping import carry_on
+    from engine.pipelines.parts.keeping import carry_on
     from engine.pipelines.planning import problem_of
     from engine.stages.sequencing import Limits
 

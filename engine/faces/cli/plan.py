@@ -29,6 +29,7 @@ from engine.faces.cli.options import (
     refuse_idle,
 )
 from engine.faces.cli.plan_forms import PlanForm
+from engine.faces.cli.saving import Output, form_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -82,6 +83,8 @@ Order = Annotated[
     ),
 ]
 
+FORMAT = "how the plan is written: text, unless the name of the output ends otherwise"
+
 
 def plan(
     target: Target,
@@ -89,7 +92,8 @@ def plan(
     pddl: Pddl = False,
     goals: Goals = "",
     command: Command = "",
-    format: Annotated[PlanForm, typer.Option("--format", help="how the plan is written")] = PlanForm.TEXT,
+    format: Annotated[PlanForm | None, typer.Option("--format", help=FORMAT)] = None,
+    output: Output = None,
     stats: Stats = False,
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
@@ -109,13 +113,14 @@ def plan(
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
     wanted = PlanRequest(target, goals, command, task, (window or [], lasts or [], before or []))
     _refuse_misfits(wanted, pddl, strategy if race else "auto", motion)
-    _refuse_unseen(format, stats, folded, store)
+    kind = form_of(output, format, PlanForm.TEXT)
+    _refuse_unseen(PlanForm.TEXT if output else kind, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
     searching["--strategy"] = strategy != "auto"
     way, wish = "race" if race else strategy, objective or (Wish.COST if strategy == "shortest" else None)
     ordered = _order(order, searching)
     work = SearchOptions(time_limit, expansions, seed, way, anytime, store, folded, wish, ordered, motion)
-    give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
+    give(lambda: _plan(wanted, kind, stats, work), Form.JSON if kind is PlanForm.JSON else Form.TEXT, output)
 
 
 def _order(given: Ordering | None, searching: "Mapping[str, object]") -> Ordering:

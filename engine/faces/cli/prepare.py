@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from engine.pipelines.units import Crew
 
 
+UNITS = ("engine.pipelines.preparation.problem", "kb.store.units")  # what planning a problem needs
+
+
 def prepare(
     target: Annotated[
         str, typer.Argument(help="a domain (all its problems), a folder of problems, or one problem")
@@ -28,7 +31,7 @@ def prepare(
     """Plan every problem of TARGET, sequence its measurements, and fill the store before plans are needed."""
     refuse_both(jobs, cluster)
     give(
-        lambda: _prepare(target, store, crew_asked(jobs, cluster), time_limit, expansions, seed),
+        lambda: _prepare(target, store, crew_asked(jobs, cluster, UNITS), time_limit, expansions, seed),
         format,
     )
 

@@ -14,6 +14,7 @@ from engine.faces.cli.supervision import Watching
 if TYPE_CHECKING:
     from engine.model.execution import Finish
     from engine.pipelines.execution import Wanted
+    from engine.pipelines.execution.paths import Paths
     from engine.pipelines.moves.planning import Moving
     from engine.stages.planning import Limits
     from kb.model.problem import Problem
@@ -124,7 +125,7 @@ def _run(
     given = options_of(options) | ({"fault": "; ".join(faults)} if faults else {})
     wanted = Wanted(
         asked.target, asked.goals, asked.command, asked.driver, store, asked.name, asked.seed, asked.factor, given,
-        asked.approve,
+        asked.approve, asked.motion,
     )  # fmt: skip
     with listed(wanted, problem) as entered:
         return _carried_out(entered, asked, problem, events, shown, format)
@@ -141,7 +142,7 @@ def _carried_out(
         from engine.formats.report.narration import understood
 
         say("\n".join(understood(problem)) + "\n")
-    limits, table, scope = Limits(asked.expansions, seed=asked.seed), None, None
+    limits, table, scope, paths = Limits(asked.expansions, seed=asked.seed), None, None, None
     if asked.motion:
         moving = _moving(asked, problem, limits, wanted.store)
         table, scope = moving.run.timetable, Scope(moving.problem, moving.given_up)
@@ -149,8 +150,11 @@ def _carried_out(
         _tell(moving, quiet=events == "-" or format is Form.JSON)
         if table is None:
             return answer_of(moving.run.outcome, wanted.store, events == "-")
+        paths = _paths(moving, asked.seed)
     with Watching(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
-        ending = begin(wanted, problem, watch.channel, watch.watchers, limits, table=table, scope=scope)
+        ending = begin(
+            wanted, problem, watch.channel, watch.watchers, limits, table=table, scope=scope, paths=paths
+        )
     return answer_of(ending, wanted.store, events == "-")
 
 
@@ -173,6 +177,16 @@ def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "
 
     cell, plans = cell_of(asked.target), partial(plan, limits=limits)
     return plan_with_poses(problem, cell, geometry_backend(), plans, asked.seed, store).moving
+
+
+def _paths(moving: "Moving", seed: int) -> "Paths | None":
+    """What the arm can do while the run goes on. Where several arms share a space, the plan alone keeps them apart."""
+    from engine.pipelines.execution.paths import Paths
+
+    walk = moving.walk
+    if walk is None or len(walk.cell.arms) > 1:
+        return None
+    return Paths(moving.problem, walk.cell, seed, walk.ways, planned=walk)
 
 
 def options_of(given: Sequence[str]) -> dict[str, str]:

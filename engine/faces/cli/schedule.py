@@ -10,6 +10,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import INTERRUPTED
 from engine.faces.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number, refuse_idle
+from engine.faces.cli.saving import Output, form_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,8 +53,12 @@ def schedule(
     command: Command = "",
     instance: Instance = "",
     format: Annotated[
-        ScheduleForm, typer.Option("--format", help="how the schedule is written")
-    ] = ScheduleForm.TEXT,
+        ScheduleForm | None,
+        typer.Option(
+            "--format", help="how the schedule is written: text, unless the name of the output ends otherwise"
+        ),
+    ] = None,
+    output: Output = None,
     stats: Stats = False,
     time_limit: TimeLimit = None,
     work: Work = 60.0,
@@ -62,13 +67,15 @@ def schedule(
     seed: Seed = 0,
 ) -> None:
     """Print a short schedule for the steps of a plan for TARGET, or for the stages of a shop."""
-    form = Form.JSON if format is ScheduleForm.JSON else Form.TEXT
-    if format is ScheduleForm.SVG:
+    kind = form_of(output, format, ScheduleForm.TEXT)
+    form = Form.JSON if kind is ScheduleForm.JSON else Form.TEXT
+    if kind is ScheduleForm.SVG and output is None:
         refuse_idle({"--stats": stats}, "on svg, only on text and json")
     wanted = ScheduleRequest(target, goals, command, instance)
     give(
-        lambda: _schedule(wanted, format, stats, EffortOptions(time_limit, work, race, expansions, seed)),
+        lambda: _schedule(wanted, kind, stats, EffortOptions(time_limit, work, race, expansions, seed)),
         form,
+        output,
     )
 
 
@@ -171,5 +178,4 @@ def _answer(made: "Timed", form: ScheduleForm, stats: bool) -> Answer:
 
     raw = timetables.chart(made) if form is ScheduleForm.SVG else None
     content = timetables.content(made, stats)
-    said = (lambda: timetables.text(made, stats)) if raw is None else None
-    return Answer(made.status, content, said, raw=raw)
+    return Answer(made.status, content, lambda: timetables.text(made, stats), raw=raw)

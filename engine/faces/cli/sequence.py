@@ -9,6 +9,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
 from engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows, refuse_idle
+from engine.faces.cli.saving import Output, form_of
 
 if TYPE_CHECKING:
     from engine.model.outcome import GaveUp, Infeasible
@@ -69,7 +70,12 @@ Restored = Annotated[
     list[str] | None, typer.Option("--restored", help="visits, tools and resources that can be used again")
 ]
 Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
-Shown = Annotated[TourForm, typer.Option("--format", help="how the tour is written")]
+Shown = Annotated[
+    TourForm | None,
+    typer.Option(
+        "--format", help="how the tour is written: text, unless the name of the output ends otherwise"
+    ),
+]
 
 
 def sequence(
@@ -93,24 +99,26 @@ def sequence(
     bad: Bad = None,
     restored: Restored = None,
     anew: Anew = False,
-    format: Shown = TourForm.TEXT,
+    format: Shown = None,
+    output: Output = None,
 ) -> None:
     """Print the best order found for the visits of TARGET, with a lower bound on the cost of any order."""
     back = _returns(closed, open_)
     news = (done or [], lost or [], bad or [], restored or [])
     wanted = (window or [], lasts or [], before or [])
     kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
-    given = {"--closed": closed, "--start": start, "--end": end, "--format svg": format is TourForm.SVG}
+    kind = form_of(output, format, TourForm.TEXT)
+    given = {"--closed": closed, "--start": start, "--end": end, "--format svg": kind is TourForm.SVG}
     given |= {**dict(zip(WISHES, wanted, strict=True)), "--method": method != "auto"}
     _refuse_misfits(given, kept, open_, cost, store)
-    form, effort = Form.JSON if format is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
+    form, effort = Form.JSON if kind is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
     if store:
         from engine.faces.cli.kept_sequence import carried_on
 
-        give(lambda: carried_on(target, store, news, effort, next_, anew), form)
+        give(lambda: carried_on(target, store, news, effort, next_, anew), form, output)
     if cost is not TravelCost.STRAIGHT:
-        give(lambda: _of_arm(target, cost, effort), form)
-    give(lambda: _sequence(target, method, (back, start, end), wanted, effort, format), form)
+        give(lambda: _of_arm(target, cost, effort), form, output)
+    give(lambda: _sequence(target, method, (back, start, end), wanted, effort, kind), form, output)
 
 
 def _refuse_misfits(

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -28,11 +28,14 @@ def refuse_both(jobs: int, cluster: str) -> None:
         refuse_idle({"--jobs": jobs}, "with --cluster")
 
 
-def crew_asked(jobs: int, cluster: str) -> "Crew":
-    """The crew that the options --jobs and --cluster name. Raises `InvalidInput` if nobody answers at the address."""
+def crew_asked(jobs: int, cluster: str, modules: Sequence[str] = ()) -> "Crew":
+    """The crew that the options --jobs and --cluster name; its processes load `modules` meanwhile.
+
+    Raises `InvalidInput` if nobody answers at the address.
+    """
     from engine.pipelines.units import crew_of
 
-    return crew_of(jobs or len(os.sched_getaffinity(0)), cluster)
+    return crew_of(jobs or len(os.sched_getaffinity(0)), cluster, modules)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 
 from nicegui import background_tasks, events, ui
+from nicegui.elements.scene.scene_object3d import Object3D
 
 from engine.faces.monitor.choosing import mentions
 from engine.faces.monitor.solids import Solids
@@ -22,6 +23,7 @@ SIDES = {  # the direction from which it is seen
     "top": (0.0, -0.01, 1.0),
     "corner": (-0.6, -0.75, 0.55),
 }
+UP = (0.0, 0.0, 1.0)
 PLACING = """
 const WANTED = {};
 function placed(scene, poses) {
@@ -143,7 +145,7 @@ def _said(last: Taken | None, share: float, looking: bool) -> str:
     return f"{last.motion.operator}: {round(100 * share)} %" if share < 1.0 else "the arm rests"
 
 
-def scene_of(solids: Solids, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict[str, ui.scene.stl]]:
+def scene_of(solids: Solids, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict[str, Object3D]]:
     """The bodies of a cell in a scene; each has its name."""
     camera = ui.scene.perspective_camera(fov=45)
     scene = ui.scene(
@@ -159,7 +161,7 @@ def scene_of(solids: Solids, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict
         'data-testid="scene"'
     )
     with scene:
-        bodies = {
+        bodies: dict[str, Object3D] = {
             name: scene.stl(f"/solids/{solids.key}/{number}").with_name(name).material(solids.colours[name])
             for number, name in enumerate(solids.names)
         }
@@ -170,5 +172,4 @@ def turned(scene: ui.scene, solids: Solids, side: str, seconds: float) -> None:
     """Look at everything from a side."""
     middle, reach = solids.extent
     away = [at + 1.7 * reach * each for at, each in zip(middle.tolist(), SIDES[side], strict=True)]
-    x, y, z = middle.tolist()
-    scene.move_camera(*away, x, y, z, 0, 0, 1, duration=seconds)
+    scene.move_camera(*[*away, *middle.tolist(), *UP, seconds])

@@ -1,6 +1,7 @@
 """What every page has: its head with the script that sends what changes something, its layout, and the switch for dark."""
 
 import json
+from typing import Literal
 
 from nicegui import ui
 
@@ -63,7 +64,7 @@ def head(shared: Shared) -> None:
 
 def notice(told: dict[str, object]) -> None:
     """Show what came of an order."""
-    kind = "warning" if told.get("refused") else "positive"
+    kind: Literal["warning", "positive"] = "warning" if told.get("refused") else "positive"
     ui.notify(str(told.get("said", "")), type=kind, multi_line=True)
 
 

@@ -233,8 +233,8 @@ class ChoosingPage:
             if files
             else f"no problem file in {shared.sheets.folder}"
         )
-        for name in files:
-            ui.link(name, f"/measure/{name}")
+        for file in files:
+            ui.link(file, f"/measure/{file}")
         if shared.read_only:
             return
         with ui.row().classes("items-center"):

@@ -1,19 +1,21 @@
 """Measurements that several arms share, for people and programs."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from engine.formats.report.rows import TextTable
 from engine.model.wording import counted
-from engine.pipelines.parts import Shared
+
+if TYPE_CHECKING:
+    from engine.pipelines.parts import Shared
 
 SHOWN = 12  # measurements of one arm that are named
 
 
-def entry(found: Shared) -> dict[str, Any]:
-    """The shares, for JSON. Times are in the unit that is given: a unit of time, or micrometres where nobody knows how fast arms are."""
+def entry(found: "Shared", bound: bool = True) -> dict[str, Any]:
+    """The shares, for JSON, with the `bound` if it is known. Times are in the unit that is given: a unit of time, or micrometres where nobody knows how fast arms are."""
     return {
         "arms": {
             arm: {
@@ -26,13 +28,13 @@ def entry(found: Shared) -> dict[str, Any]:
         },
         "common": found.shares.common,
         "makespan": found.lasts(found.shares.makespan),
-        "lower_bound": found.lasts(found.shares.lower_bound),
+        "lower_bound": found.lasts(found.shares.lower_bound) if bound else None,
         "unit": found.unit,
         "waits": [list(pair) for pair in found.waits],
     }
 
 
-def text(found: Shared, listed: bool = True) -> RenderableType:
+def text(found: "Shared", listed: bool = True) -> RenderableType:
     """A table of the arms with their measurements in order, if they are to be `listed`, and a summary."""
     shares = found.shares
     rows = []
@@ -50,7 +52,7 @@ def text(found: Shared, listed: bool = True) -> RenderableType:
     return Group(*([table] if listed else []), *map(Text, said))
 
 
-def summary(found: Shared) -> str:
+def summary(found: "Shared") -> str:
     """What the shares take, and what no way to share them is below."""
     shares, unit = found.shares, found.unit
     count = counted(sum(map(len, shares.orders.values())), "measurement")
@@ -58,10 +60,13 @@ def summary(found: Shared) -> str:
     gap = (
         "proved to be the least" if most <= bound else f"no way to share them takes less than {bound} {unit}"
     )
+    gap = f", {gap}" if bound else ""
     common = (
         f"{shares.common} of them within reach of more than one"
         if shares.common
         else "each within reach of one"
     )
     waiting = ", without waiting for each other" if found.waits else ""
-    return f"{len(shares.orders)} arms share {count}, {common}: {most} {unit} by the times of the tours{waiting}, {gap}"
+    if len(shares.orders) == 1:
+        return f"{next(iter(shares.orders))} makes {count}: {most} {unit} by the times of the tour{gap}"
+    return f"{len(shares.orders)} arms share {count}, {common}: {most} {unit} by the times of the tours{waiting}{gap}"

@@ -93,7 +93,7 @@ def _pose(
     """The poses of a measurement from the first station that reaches it, its place, and the cell with its place."""
     where = Source(cell.path or cell.name)
     whole = with_measured_places(cell, problem, tools)
-    found = known_poses(problem, cell, backend, only=name)
+    found = known_poses(problem, cell, backend, only=(name,))
     reached = [found.poses[key] for key in sorted(found.poses) if found.poses[key].reached]
     if not reached:
         why = found.unreached().get(name, "it has no place in the cell")

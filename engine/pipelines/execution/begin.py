@@ -6,7 +6,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from engine.model.execution import VERSION, Finish, Record, RecordKind
 from engine.model.outcome import Outcome
@@ -33,6 +33,9 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.problem import Problem
 from kb.store.journal import Journal, Line
 
+if TYPE_CHECKING:
+    from engine.pipelines.execution.paths import Paths
+
 LOGGED = ("sim", "mujoco")  # drivers that can be where they were before, by a log
 OVER = ("reached", "partly", "aborted")  # endings after which there is nothing to resume
 
@@ -51,6 +54,7 @@ class Wanted:
     factor: float = 0.0
     options: Mapping[str, str] = field(default_factory=dict)
     approve: bool = False
+    motion: bool = False
 
 
 class Ledger:
@@ -73,11 +77,12 @@ def begin(
     outcome: Outcome | None = None,
     table: Timetable | None = None,
     scope: Scope | None = None,
+    paths: "Paths | None" = None,
 ) -> Finish | Outcome:
     """Run a problem to its end under a name that `named` has given; why there is no plan, if there is none.
 
-    `outcome` is a plan that is known already, `table` one with its starts; `scope` says for which of the goals. Raises
-    `InvalidInput`.
+    `outcome` is a plan that is known already, `table` one with its starts; `scope` says for which of the goals. With `paths`, each
+    step is looked at before it is sent, and has to move. Raises `InvalidInput`.
     """
     scope = scope or Scope(problem)
     if table is not None:
@@ -97,7 +102,7 @@ def begin(
             recorder = Recorder(Ledger(journal, run), made.now_ms, watchers)
             more = added_knowledge(_problem(wanted.target, wanted.goals, wanted.command), problem)
             recorder.note(RecordKind.RUN, **document(wanted, problem), **more)
-            execution = Execution(run, problem, made, recorder, orders, base, limits)
+            execution = Execution(run, problem, made, recorder, orders, base, limits, paths=paths)
             found, scope = datums_first(found, scope)
             world = SymbolicWorld.of(scope.problem, situation_of(problem).state)
             return _cleared(wanted, execution.start(found, world, wanted.approve, scope))
@@ -128,7 +133,9 @@ def resume(
         made = driver(str(about["driver"]), setup_of({**about, **past.run}, problem, run))
         try:
             recorder = Recorder(Ledger(journal, run), made.now_ms, watchers, past.last)
-            ending = Execution(run, past.whole, made, recorder, orders, base, limits).resume(past)
+            paths = _paths(about, past.whole, store) if about.get("motion") else None
+            execution = Execution(run, past.whole, made, recorder, orders, base, limits, paths=paths)
+            ending = execution.resume(past)
             return _cleared(Wanted("", store=store, run=run, options=about["options"]), ending)
         finally:
             made.close()
@@ -138,6 +145,18 @@ def _problem(target: str, goals: str, command: str) -> Problem:
     from engine.pipelines.planning import problem_of
 
     return problem_of(target, goals, command)
+
+
+def _paths(about: Mapping[str, Any], problem: Problem, store: str) -> "Paths":
+    """What the arm of a run with motion can do."""
+    from engine.pipelines.execution.paths import Paths  # it needs numpy, and most runs no geometry
+    from engine.pipelines.poses.planning import known_ways
+    from engine.plugins import geometry_backend
+    from kb.loader.cell import cell_of
+
+    cell = cell_of(str(about["target"]))
+    ways = known_ways(problem, cell, geometry_backend(), store)
+    return Paths(problem, cell, int(about["seed"]), ways)
 
 
 def setup_of(about: Mapping[str, Any], problem: Problem, run: str) -> DriverSetup:
@@ -157,6 +176,7 @@ def document(wanted: Wanted, problem: Problem) -> dict[str, object]:
         "seed": wanted.seed,
         "factor": wanted.factor,
         "options": dict(wanted.options),
+        **({"motion": True} if wanted.motion else {}),
         "version": VERSION,
     }
 

@@ -46,6 +46,7 @@ def state_of(course: Progress) -> dict[str, Any]:
         "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
         "before": held.checkpoint,
         "history": [_work_entry(each) for each in course.history[held.history :]],
+        **({} if course.paths is None else course.paths.entry()),
     }
 
 
@@ -127,6 +128,7 @@ def _restore(past: Past, journal: Journal, run: str, number: int) -> None:
     past.since = {read_atom(atom): at_ms for atom, at_ms in state["since"]}
     past.cases = {(exception, step): count for exception, step, count in state["cases"]}
     past.unrested = frozenset(state.get("unrested", ()))
+    past.met, past.arms = dict(state.get("met", {})), dict(state.get("arms", {}))
     past.accuracy = Accuracy(tuple(state.get("shares", ())))
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]

@@ -19,6 +19,7 @@ from engine.model.execution import (
     TroubleKind,
     Underway,
 )
+from engine.pipelines.execution.meeting import not_begun, take_in
 from engine.pipelines.execution.orders import Given
 from engine.pipelines.execution.progress import Checkpoint, Progress, Turn
 from engine.stages import execution as executive
@@ -68,6 +69,9 @@ class Course(Progress):
 
     def wait(self) -> None:
         """Wait for what comes next, and take it in."""
+        if self.unsent:
+            self.hear(self.unsent.pop(0))
+            return
         waiting, self.pending = self.pending, []
         for given in waiting:
             self.order(given, noted=True)
@@ -108,6 +112,7 @@ class Course(Progress):
         self.recorder.note(
             RecordKind.REPLY, command=message.number, text=message.text, data=dict(message.data)
         )
+        take_in(self, message)
         running = self.standing.running.get(message.number)
         if running is None:
             return
@@ -206,6 +211,7 @@ class Course(Progress):
         reports = self.driver.report(sorted(self.standing.running))
         dropped = [each.number for each in reports if each.fate.value in ("dropped", "unknown")]
         if dropped:
+            not_begun(self, dropped)
             self.take(executive.Withdrawn(tuple(dropped)))
         for message in came:
             self.hear(message)

@@ -12,8 +12,9 @@ from engine.pipelines.execution.commands import command_of
 from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, alone, unit_ms
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, perform
+from engine.pipelines.execution.meeting import by_another_way, nobody_knows, rerouted, what_stopped
 from engine.pipelines.execution.planned import Ready, again
-from engine.pipelines.execution.replies import matched
+from engine.pipelines.execution.replies import exception_of, matched
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.silence import TIMEOUT, cleared_up
 from engine.pipelines.revision.remaining import left_over
@@ -30,12 +31,12 @@ from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.model.faults import FaultModel
 from kb.model.plan import Plan, Step, StepId
-from kb.terms import Atom, Function, match
+from kb.model.problem import Problem
+from kb.terms import Atom, Function
 
 MOST = 3  # times that one step may fail in one way before it is not tried again
 DEPTH = 4  # cases within cases
 EXPANSIONS = 20_000  # of the search for the next test
-BASE = "fault base"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class ExceptionHandler:
         self.course.recorder.note(
             RecordKind.EXCEPTION,
             exception=exception or reply,
-            known=exception is not None,
+            known=exception is not None or by_another_way(self.course, reply),
             step=activity,
             action=str(step),
             command=number,
@@ -83,10 +84,12 @@ class ExceptionHandler:
             said = cleared_up(self.course, step, activity, number)
             if said:
                 return self._goes_on_after_silence(said, exception or TIMEOUT, step, left)
+        if by_another_way(self.course, reply):
+            return self._by_another_way(step, reply, left)
         if "diagnosis" not in self.scope.problem.domain.tools:
             return GivesUp(f"{step} was answered '{reply}', and the domain's tools are without diagnosis")
         if self.base is None or exception is None:
-            return GivesUp(f"{step} was answered '{reply}', and the {BASE} knows no such exception")
+            return GivesUp(f"{step} was answered '{reply}', and {nobody_knows(reply)}")
         seen = self._seen(exception, step)
         if seen > MOST or depth >= DEPTH:
             return GivesUp(
@@ -112,8 +115,24 @@ class ExceptionHandler:
         if not isinstance(found.outcome, Found):
             return GivesUp(found.outcome.reason)
         self.scope = self.scope.narrowed(found.problem, state, found.given_up)
-        now_ms, since = self.course.driver.now_ms(), self.course.since
-        return again(found.problem, found.outcome.plan, now_ms, self.limits, since)
+        return self._from_now(found.problem, found.outcome.plan)
+
+    def _by_another_way(self, step: Function, reply: str, left: Plan | None) -> Ready | GivesUp:
+        """Plan anew with motion, from where the arm stands, in the cell as it is believed to be now."""
+        if self._seen(reply, step) > MOST:
+            return GivesUp(f"{step} is {reply} for the {MOST + 1}th time")
+        state = self.course.world.state
+        found = rerouted(self.course, self.scope.rest(state), left, self.limits)
+        end = "there is no other way" if isinstance(found, str) else "planned anew"
+        self.story.append(f"{step}: {what_stopped(self.course, reply)}; {end}")
+        if isinstance(found, str):
+            return GivesUp(found)
+        self.scope = self.scope.narrowed(found.problem, state, found.given_up)
+        return self._from_now(found.problem, found.plan)
+
+    def _from_now(self, problem: Problem, plan: Plan) -> Ready:
+        """The program of a plan from now on."""
+        return again(problem, plan, self.course.driver.now_ms(), self.limits, self.course.since)
 
     def _case(self, exception: str, step: Function, left: Plan | None, depth: int) -> Ready | GivesUp:
         assert self.base is not None
@@ -182,8 +201,7 @@ class ExceptionHandler:
         found = self.scope if recovery.change is None else self.scope.changed(recovery.change)
         self.scope = found.narrowed(recovery.problem, now, recovery.given_up)
         self.course.world.chains = self.scope.problem.chains
-        now_ms, since = self.course.driver.now_ms(), self.course.since
-        return again(recovery.problem, outcome.plan, now_ms, self.limits, since)
+        return self._from_now(recovery.problem, outcome.plan)
 
     def _believe(self, state: WorldState, why: str) -> None:
         new, gone = self.course.world.become(state)
@@ -281,15 +299,3 @@ def _take(desk: Desk, steps: Sequence[Function]) -> None:
     """Take in steps that were carried out for a test or a repair which came to nothing."""
     assert desk.beliefs is not None
     desk.beliefs.deeds.extend(steps)
-
-
-def exception_of(base: FaultModel | None, step: Function, reply: str) -> str | None:
-    """The exception of the fault base that a reply to a step is; None if it knows none."""
-    if base is None:
-        return None
-    fitting = [
-        each
-        for each in base.exceptions.values()
-        if each.operator is None or match(each.operator, step, {}) is not None
-    ]
-    return next((each.name for each in fitting if each.reply == reply), None)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from engine.model.execution import Command, Fate, Order, Phase, RecordKind, Trouble, TroubleKind
 from engine.pipelines.execution.course import LOST, Course
+from engine.pipelines.execution.meeting import take_in
 from engine.pipelines.execution.progress import Turn
 from engine.stages.execution.machine import TIMEOUT
 from kb.terms import Function
@@ -76,6 +77,7 @@ def _awaited(course: Course, command: Command) -> str:
             elif message.number == command.number:
                 data = dict(message.data)
                 course.recorder.note(RecordKind.REPLY, command=command.number, text=message.text, data=data)
+                take_in(course, message)
                 return message.text
         if due is not None and course.driver.now_ms() >= due:
             if (

@@ -28,6 +28,7 @@ from kb.diagnostics import InvalidInput
 from kb.model.plan import Plan, StepId
 from kb.terms import Atom
 
+RESUME = "resume"  # the origin of the order to plan on that a run gives itself when it is taken up after a safe stop
 PARTS = 6  # of equal things that are tried for one that is due
 
 
@@ -51,7 +52,8 @@ def changed(course: Progress, scope: Scope, given: Given, limits: Limits) -> tup
 
     Steps that have begun are not touched. After a further command the run does what it did before, else it goes on.
     """
-    if given.order is not Order.ADD and course.standing.phase is not Phase.PAUSED:
+    rests = course.standing.phase is Phase.PAUSED or given.origin == RESUME
+    if given.order is not Order.ADD and not rests:
         raise Refused("the run is not paused: interrupt it first")
     here = _Pause(course, scope, ahead(course), left_behind(course), limits)
     try:

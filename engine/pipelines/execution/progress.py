@@ -3,15 +3,16 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from engine.model.execution import Command, CommandKind, Phase, RecordKind, Reply, RunState
+from engine.model.execution import NO_MOTION, Command, CommandKind, Phase, RecordKind, Reply, RunState
 from engine.model.verdicts import Spoilt
 from engine.pipelines.execution.commands import command_of
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
+from engine.pipelines.execution.sending import arms, refusal
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
@@ -23,6 +24,9 @@ from engine.stages.execution.outlook import Accuracy
 from engine.stages.macros.lifted.world import StepChange
 from kb.model.results import Measured
 from kb.terms import Atom
+
+if TYPE_CHECKING:
+    from engine.pipelines.execution.paths import Paths
 
 PLACED = (CommandKind.STEP, CommandKind.TEST, CommandKind.REPAIR)  # commands that may move along the part
 EVERY = 5_000  # records from one checkpoint to the next
@@ -132,6 +136,10 @@ class Progress:
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
     measured: str = ""  # what facts of measurements that are made are called
     look: Callable[[RunState], None] | None = None
+    paths: "Paths | None" = None  # of a run with motion: what the arm can do
+    unsent: list[Reply] = field(
+        default_factory=list
+    )  # to commands that are not sent, because they have no motion
     gate: PlanGate = field(default_factory=PlanGate)  # it keeps what it knows of the cell
 
     def __post_init__(self) -> None:
@@ -160,8 +168,8 @@ class Progress:
         content, at_ms = self.sent[number]
         return {**content, "step": self.standing.running[number].activity}, at_ms
 
-    def post(self, command: Command, step: int | None = None) -> None:
-        """Note a command, to be sent once the note is on the disk."""
+    def post(self, command: Command, step: int | None = None, sent: bool = True) -> None:
+        """Note a command, to be sent once the note is on the disk; unless it is not to be sent."""
         command = replace(command, part=self.part) if self.part and command.kind in PLACED else command
         record = self.recorder.note(
             RecordKind.COMMAND,
@@ -180,7 +188,7 @@ class Progress:
             **looked_at(command),
         )
         self.sent[command.number] = (dict(record.content), record.at_ms)
-        self.outbox.append(command)
+        self.outbox += [command] if sent else []
 
     def dispatch(self, sent: executive.Dispatch) -> None:
         """Post the command of an activity, a WAIT or a CONTINUE."""
@@ -189,7 +197,10 @@ class Progress:
             self.post(Command(sent.number, kind, sent.stream, kind.value, about=sent.about))
             return
         each = self.compiled.program.activities[sent.activity]
-        self.post(command_of(sent.number, each), each.id)
+        why = refusal(self.paths, self.world.facts, self.compiled, self.standing, sent.number, each)
+        self.post(command_of(sent.number, each), each.id, sent=not why)
+        if why:
+            self.unsent.append(Reply(sent.number, NO_MOTION, self.driver.now_ms(), {"why": why}))
 
     def ended(self, ended: executive.Done) -> None:
         """Let the world model follow a step that has ended, and note what it has changed."""
@@ -215,6 +226,7 @@ class Progress:
             started_ms=ended.started_ms,
             **_changes(change),
             moved=[[chain, number, str(atom)] for chain, number, atom in moved],
+            **arms(self.paths, ended.number),
         )
         for chain, _, atom in moved:
             self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")

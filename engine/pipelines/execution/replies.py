@@ -1,10 +1,11 @@
-"""Which replies are normal, and what facts they give (ITA's reply and result patterns)."""
+"""Which replies are normal, and what facts they give (ITA's reply and result patterns); of the others, which exceptions they are."""
 
 from collections.abc import Mapping
 
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.records import read_atom
 from kb.asp import AspError, ground_term
+from kb.model.faults import FaultModel
 from kb.terms import Function, Term, Variable, is_ground, match, substitute
 
 
@@ -44,3 +45,15 @@ def matched(pattern: Term, text: str) -> Mapping[Variable, Term] | None:
         return match(pattern, ground_term(text), {})
     except AspError:
         return None
+
+
+def exception_of(base: FaultModel | None, step: Function, reply: str) -> str | None:
+    """The exception of the fault base that a reply to a step is; None if it knows none."""
+    if base is None:
+        return None
+    fitting = [
+        each
+        for each in base.exceptions.values()
+        if each.operator is None or match(each.operator, step, {}) is not None
+    ]
+    return next((each.name for each in fitting if each.reply == reply), None)

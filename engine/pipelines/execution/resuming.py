@@ -77,6 +77,8 @@ class Past:
     lying: Content = field(default_factory=dict)  # the record that says where the part lies
     measured: list[Measured] = field(default_factory=list)
     spoilt: list[Spoilt] = field(default_factory=list)  # values that do not count any more
+    met: dict[str, Any] = field(default_factory=dict)  # bodies that were seen, as records have them
+    arms: dict[str, Any] = field(default_factory=dict)  # where the arms are, as records have it
 
     def __post_init__(self) -> None:
         self.whole = self.scope.problem  # with what was added
@@ -181,6 +183,7 @@ class Past:
         moved = [(chain, number, read_atom(atom)) for chain, number, atom in content["moved"]]
         for chain, number, _ in moved:
             self.world.reached[chain] = number
+        self.arms |= content.get("arms", {})
         self.done[content["step"]] = record.at_ms
         self._ended(content["step"], record.at_ms - content["started_ms"])
         if self.plan is not None and self.plan["timed"]:
@@ -208,6 +211,7 @@ class Past:
         self.world.facts -= {read_atom(each) for each in content["ends"]}
         self.world.facts |= {read_atom(each) for each in content["adds"]}
         self.world.reached.update(content["reached"])
+        self.met |= content.get("bodies", {})
 
     def failed(self, record: Record) -> None:
         """An exception: what follows belongs to its case, until there is a plan again."""
@@ -230,6 +234,8 @@ class Past:
                 self._become(each.content)
         self.case = []
         self.cases = {}  # what failed was put right before the run is taken up again
+        if self.ended == "stopped":
+            self.met = {}  # and what was in the way was taken away
 
     def under_way(self) -> Mapping[int, tuple[Content, int]]:
         """The commands for steps that have not been settled, and when they were sent."""

@@ -1,7 +1,7 @@
 """A whole run: plan, execute, handle exceptions, plan on, until the goals are reached or nothing more can be done."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
 from engine.pipelines.execution.adding import addition, extended, wished
@@ -12,8 +12,9 @@ from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
 from engine.pipelines.execution.inspector import ALIGNED, Inspector
+from engine.pipelines.execution.meeting import stand_again
 from engine.pipelines.execution.orders import Given, Orders
-from engine.pipelines.execution.pauses import Refused, changed
+from engine.pipelines.execution.pauses import RESUME, Refused, changed
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.progress import EVERY, Checkpoint, Turn
 from engine.pipelines.execution.recorder import Recorder
@@ -33,6 +34,9 @@ from kb.model.plan import StepId
 from kb.model.problem import Problem
 from kb.store.journal import JournalFailure
 
+if TYPE_CHECKING:
+    from engine.pipelines.execution.paths import Paths
+
 REACHED, PARTLY, STOPPED, ABORTED, PAUSED = "reached", "partly", "stopped", "aborted", "paused"
 
 
@@ -51,10 +55,9 @@ class Execution:
     exceptions: int = 0
     forecast_ms: int = 0
     story: list[str] = field(default_factory=list)
-    additions: list[dict[str, Any]] = field(
-        default_factory=list
-    )  # further commands, as a checkpoint has them
+    additions: list[dict[str, Any]] = field(default_factory=list)  # further commands, for checkpoints
     inspector: Inspector = field(default_factory=Inspector)
+    paths: "Paths | None" = None  # in a run with motion
 
     def start(
         self, ready: Ready, world: SymbolicWorld, approve: bool = False, scope: Scope | None = None
@@ -68,12 +71,8 @@ class Execution:
         self.forecast_ms = ready.compiled.program.forecast_ms
         if ready.notes:
             self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
-        course.planned(
-            {
-                **plan_entry(ready, "first", scope),
-                **standing_entry(compiled.program, standing, course.accuracy),
-            }
-        )
+        outlook = standing_entry(compiled.program, standing, course.accuracy)
+        course.planned({**plan_entry(ready, "first", scope), **outlook})
         return self.guarded(course, scope, approve)
 
     def resume(self, past: Past) -> Finish:
@@ -83,6 +82,7 @@ class Execution:
         compiled, standing = taken_up(past, self.driver.lookahead, self.driver.now_ms())
         course = self._course(compiled, standing, past.world)
         restore(course, past)
+        stand_again(course, past.met, past.arms)
         course.values, course.spoilt = list(past.measured), list(past.spoilt)
         self.inspector.taken_up(past.lying, course)
         handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
@@ -101,6 +101,7 @@ class Execution:
             every=EVERY,
             measuring=Measuring(self.problem),
             measured=self.problem.domain.conventions.measured,
+            paths=self.paths,
         )
 
     def guarded(
@@ -175,7 +176,7 @@ class Execution:
             return None
         settle(course, past)
         if past.replans:
-            return self._changed(course, handler, Given(Order.RETRY, origin="resume"))
+            return self._changed(course, handler, Given(Order.RETRY, origin=RESUME))
         return None
 
     def _handled(self, course: Course, handler: ExceptionHandler, turn: Turn) -> Finish | None:

@@ -4,8 +4,8 @@ An arm needs a tool that the rules choose for the measurement, and has to reach 
 no fact gives to an arm goes to one of them for the whole tour.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -32,27 +32,45 @@ class Offers:
     impossible: Mapping[str, str]
 
 
-def offers(problem: Problem, parts: Partition) -> Offers:
-    """What the arms of a cell can make of the measurements that some tool takes. Raises `InvalidInput` for a bad cell."""
+def offers(problem: Problem, parts: Partition, gone: Collection[str] = ()) -> Offers:
+    """What the arms of a cell can make of the measurements that some tool takes, without tools and arms that are gone.
+
+    Raises `InvalidInput` for a bad cell.
+    """
     names = [name for own in parts.groups.values() for name in own]
-    tools, owners = choices_of(problem), owners_of(problem)
-    reached, why = _reach(problem, names, tools)
-    wanted, arms = _wanted_arms(problem, names), arms_of(problem)
+    chosen, owners = choices_of(problem), owners_of(problem)
+    reached, why = _reach(problem, names, chosen)
+    wanted, arms = _wanted_arms(problem, names), tuple(arm for arm in arms_of(problem) if arm not in gone)
+    tools = {name: [tool for tool in own if tool not in gone] for name, own in chosen.items()}
     ways = []
     for holds in _holders(arms, sorted({tool for own in tools.values() for tool in own}), owners):
         able: dict[str, dict[str, str]] = {arm: {} for arm in arms}
         for name in names:
             for tool in reversed(tools[name]):
-                arm = holds[tool]
-                if arm in reached[name] and arm in wanted.get(name, arms):
+                arm = holds.get(tool, "")
+                if arm in able and arm in reached[name] and arm in wanted.get(name, arms):
                     able[arm][name] = tool
         ways.append(able)
     most = max(len({name for own in way.values() for name in own}) for way in ways)
     best = tuple(way for way in ways if len({name for own in way.values() for name in own}) == most)
     made = {name for own in best[0].values() for name in own}
     best = tuple(way for way in best if {name for own in way.values() for name in own} == made)
-    out = {name: why.get(name) or _unserved(reached[name], arms) for name in names if name not in made}
+    out = {
+        name: why.get(name) or _unserved(name, reached, chosen, gone) for name in names if name not in made
+    }
     return Offers(best, out)
+
+
+def by_arms(problem: Problem, parts: Partition) -> Partition:
+    """The measurements by the tools of all arms that can make them; what no arm can is impossible, with the reason."""
+    found, tools = offers(problem, parts), dict[str, set[str]]()
+    for name, tool in (each for way in found.ways for own in way.values() for each in own.items()):
+        tools.setdefault(name, set()).add(tool)
+    groups = dict[str, list[str]]()
+    for name in (name for own in parts.groups.values() for name in own if name in tools):
+        groups.setdefault(" or ".join(sorted(tools[name])), []).append(name)
+    said = {tools: tuple(groups[tools]) for tools in sorted(groups)}
+    return replace(parts, groups=said, impossible={**parts.impossible, **found.impossible})
 
 
 def choices_of(problem: Problem) -> dict[str, list[str]]:
@@ -71,8 +89,14 @@ def owners_of(problem: Problem) -> dict[str, frozenset[str]]:
     return found
 
 
-def _unserved(reached: frozenset[str], arms: tuple[str, ...]) -> str:
-    able = [arm for arm in arms if arm in reached]
+def _unserved(
+    name: str, reached: Mapping[str, frozenset[str]], chosen: Mapping[str, list[str]], gone: Collection[str]
+) -> str:
+    """Why no arm makes a measurement."""
+    lost = [each for each in (*sorted(reached[name]), *chosen[name]) if each in gone]
+    if lost:
+        return f"{' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} lost"
+    able = sorted(reached[name])
     return f"only {' and '.join(able)} would reach it, without a tool for it" if able else "no arm reaches it"
 
 
@@ -80,7 +104,9 @@ def _holders(
     arms: tuple[str, ...], tools: list[str], owners: Mapping[str, frozenset[str]]
 ) -> Iterator[Mapping[str, str]]:
     """The arm that holds each tool, in every way; of too many ways, the first."""
-    choices = [sorted(owners.get(tool, arms)) for tool in tools]
+    held = {tool: sorted(owners.get(tool, frozenset(arms)).intersection(arms)) for tool in tools}
+    tools = [tool for tool in tools if held[tool]]
+    choices = [held[tool] for tool in tools]
     for _, way in zip(range(MOST_WAYS), product(*choices), strict=False):
         yield dict(zip(tools, way, strict=True))
 

@@ -15,18 +15,24 @@ def parted(problem: Problem, lost: Collection[str]) -> Partition:
     If the domain declares `unavailable(tool)`, its rules may choose another tool. A measurement that is still assigned to
     an unusable tool is impossible.
     """
-    gone, unavailable = unusable(problem, lost), problem.domain.conventions.unavailable
-    declared = problem.domain.predicates.get(unavailable)
-    if declared is not None and len(declared.arguments) == 1:
-        tools = sorted(gone & _of_type(problem, declared.arguments[0]))
-        facts = (Function(unavailable, (Function(tool),)) for tool in tools)
-        problem = replace(problem, statics=(*problem.statics, *facts))
-    parts = partition(problem)
+    gone = unusable(problem, lost)
+    parts = partition(bereft(problem, gone))
     refused = {
         name: f"{tool} is lost" for tool, names in parts.groups.items() if tool in gone for name in names
     }
     groups = {tool: names for tool, names in parts.groups.items() if tool not in gone}
     return replace(parts, groups=groups, impossible={**parts.impossible, **refused})
+
+
+def bereft(problem: Problem, gone: Collection[str]) -> Problem:
+    """The problem with the fact that a tool is unavailable for each tool that is gone, if its domain declares such facts."""
+    unavailable = problem.domain.conventions.unavailable
+    declared = problem.domain.predicates.get(unavailable)
+    if declared is None or len(declared.arguments) != 1:
+        return problem
+    tools = sorted(_of_type(problem, declared.arguments[0]).intersection(gone))
+    facts = (Function(unavailable, (Function(tool),)) for tool in tools)
+    return replace(problem, statics=(*problem.statics, *facts))
 
 
 def unusable(problem: Problem, lost: Collection[str]) -> frozenset[str]:

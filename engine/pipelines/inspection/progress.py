@@ -5,9 +5,10 @@ or assigned to another tool.
 """
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import TypeVar
 
 from engine.model.measurements import measurements_of
 from engine.model.tour import Longs, Tour, TourProblem, cost_of, violations
@@ -24,6 +25,8 @@ from kb.store.sequences import PlannedVisit, SequencePlan
 REMOVED = "no longer in the problem"
 FOUND_BAD = "found bad"
 Visits = tuple[PlannedVisit, ...]
+Parting = Callable[[Problem, tuple[str, ...]], Partition]
+P = TypeVar("P", bound="Progress")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,16 +67,34 @@ class Progress:
         return self.plan.rest[0] if self.plan.rest else None
 
 
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What is left after some news: the sequence, whose rest is the old one, the visits that are wanted now, and all that can be made."""
+
+    plan: SequencePlan
+    wanted: Visits
+    parts: Partition
+    asked: TourProblem
+
+
 def carried_on(
     plan: SequencePlan, problem: Problem, news: News = News(), limits: Limits = Limits()
 ) -> Progress:
     """The sequence after some news, compared with the problem as it is now. Raises `InvalidInput`."""
-    if _empty(plan) and news != News():
+    if empty(plan) and news != News():
         plan = carried_on(plan, problem, limits=limits).plan
+    left = left_of(plan, problem, news)
+    phases = {each.name: each.phase for each in left.asked.visits}
+    made = _sequenced(plan, left.plan, left.wanted, phases, problem, limits)
+    return compared(plan, made, problem)
+
+
+def left_of(plan: SequencePlan, problem: Problem, news: News, part: Parting = parted) -> Left:
+    """What is left of a sequence after some news; `part` says what is possible when names are lost. Raises `InvalidInput`."""
     _known(problem, plan, news)
     lost = tuple(sorted({*plan.lost, *news.lost} - set(news.restored)))
     bad = {name: why for name, why in {**plan.bad, **news.bad}.items() if name not in news.restored}
-    parts = parted(problem, lost)
+    parts = part(problem, lost)
     asked = tour_problem(problem, parts, timed=False)
     visits = tuple(PlannedVisit(each.name, each.tool, each.position or ()) for each in asked.visits)
     done = _done(plan, visits, parts, news)
@@ -83,12 +104,11 @@ def carried_on(
     changes = tuple(sorted((a, b, cost) for (a, b), cost in asked.changes.items()))
     out = {name: why for name, why in parts.impossible.items() if name not in names}
     now = replace(plan, done=done, lost=lost, bad=bad, impossible=out, changes=changes)
-    phases = {each.name: each.phase for each in asked.visits}
-    made = _sequenced(plan, now, wanted, phases, problem, limits)
-    return _compared(plan, made, problem)
+    return Left(now, wanted, parts, asked)
 
 
-def _empty(plan: SequencePlan) -> bool:
+def empty(plan: SequencePlan) -> bool:
+    """Whether nothing was kept yet."""
     return plan == SequencePlan(plan.domain, plan.problem, version=plan.version)
 
 
@@ -173,7 +193,7 @@ def _sequenced(
     problem, first = tour_of_rest(now, wanted, phases, inspection)
     standing = old.rest[behind:]
     on_course = now.done[len(old.done) :] == old.rest[:behind] and old.changes == now.changes
-    if not _empty(old) and on_course and {*standing} == {*wanted}:
+    if not empty(old) and on_course and {*standing} == {*wanted}:
         same, _ = tour_of_rest(now, standing, phases, inspection)
         order = tuple(range(len(same.visits)))
         if not order or not violations(same, order):
@@ -185,7 +205,7 @@ def _sequenced(
         found = sequence(problem, limits)
     tour = _steadier(problem, _inserted(problem, wanted, old.rest, first), found)
     rest = tuple(wanted[each - first] for each in tour.order[first:])
-    way = "made" if _empty(old) else "kept" if unkept and rest == standing else "resequenced"
+    way = "made" if empty(old) else "kept" if unkept and rest == standing else "resequenced"
     return Progress(replace(now, rest=rest), way, problem, tour, unkept=unkept)
 
 
@@ -222,29 +242,36 @@ def _steadier(problem: TourProblem, order: tuple[int, ...], found: object) -> To
     )
 
 
-def _compared(old: SequencePlan, made: Progress, problem: Problem) -> Progress:
+def compared(old: SequencePlan, made: P, problem: Problem) -> P:
     """The progress, with what has become of the visits of the old rest."""
-    tools, now = {each.name: each.tool for each in old.rest}, made.plan
+    tools, now = {each.name: _by(each) for each in old.rest}, made.plan
     done = {each.name for each in now.done}
     rest = {each.name: each for each in now.rest}
     moved = {
-        name: (tool, rest[name].tool)
+        name: (tool, _by(rest[name]))
         for name, tool in tools.items()
-        if name in rest and rest[name].tool != tool
+        if name in rest and _by(rest[name]) != tool
     }
     place = {name: index for index, name in enumerate(tools)}
-    staying = [each.name for each in now.rest if each.name in tools and each.name not in moved]
-    kept = _rising(staying, place)
+    staying = [each for each in now.rest if each.name in tools and each.name not in moved]
+    arms = dict.fromkeys(each.arm for each in staying)
+    own = ([each.name for each in staying if each.arm == arm] for arm in arms)
+    kept = tuple(name for names in own for name in _rising(names, place))
     out = {**now.impossible, **now.bad}
     return replace(
         made,
         kept=kept,
-        reordered=tuple(name for name in staying if name not in set(kept)),
+        reordered=tuple(each.name for each in staying if each.name not in set(kept)),
         moved=moved,
         added=tuple(each.name for each in now.rest if each.name not in tools),
         dropped={name: out.get(name, REMOVED) for name in tools if name not in rest and name not in done},
         outdated=_outdated(now, problem),
     )
+
+
+def _by(visit: PlannedVisit) -> str:
+    """What makes a visit: its tool, and whose it is where several arms share the visits."""
+    return f"{visit.tool} of {visit.arm}" if visit.arm else visit.tool
 
 
 def _rising(names: Sequence[str], place: Mapping[str, int]) -> tuple[str, ...]:

@@ -19,7 +19,9 @@ from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.reach.straight import Broken, straight
 from engine.stages.motion.planner import tried
+from engine.stages.motion.smoothing import Tube
 from engine.stages.motion.touching import Touch, touches
+from engine.stages.motion.upright import Level
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Place
 
@@ -31,7 +33,10 @@ RETRACT, FREE, APPROACH = "retract", "free", "approach"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leg:
-    """A part of a motion: its configurations (m, k), whether it is proved, on what ground, and what touches on it."""
+    """A part of a motion: its configurations (m, k), whether it is proved, on what ground, and what touches on it.
+
+    The pairs of `meeting` may overlap by `depth_m`.
+    """
 
     kind: str
     path: Floats
@@ -39,6 +44,12 @@ class Leg:
     ground: Ground
     margin_m: float = 0.0
     touches: tuple[Touch, ...] = ()
+    meeting: Ground | None = None
+    depth_m: float = 0.0
+
+    def tube(self, level: Level | None) -> Tube:
+        """What a motion near this path must keep, to be as safe as the path."""
+        return Tube(self.ground, self.margin_m, FINEST_M, self.meeting, self.depth_m, level)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,11 +106,15 @@ def _between(line: Floats) -> Floats:
     return np.concatenate([a + shares * (b - a) for a, b in pairwise(line)])
 
 
+def _meeting(place: Place, reach: Reachability) -> Ground | None:
+    """The pairs that may touch at a place; None if there are none."""
+    return Ground(reach.meeting(place)) if place.touches else None
+
+
 def _touched(path: Floats, place: Place, reach: Reachability) -> tuple[Touch, ...]:
     """What touches on a path (m, k) as a place allows, pair by pair."""
-    if not place.touches:
-        return ()
-    return touches(Ground(reach.meeting(place)), path, place.depth_m)
+    meant = _meeting(place, reach)
+    return () if meant is None else touches(meant, path, place.depth_m)
 
 
 def shallower(answer: Answer, query: Query, place: Place, reach: Reachability, hand: ArmHand) -> Answer:
@@ -136,11 +151,13 @@ def leg_of(kind: str, line: Floats, place: Place, reach: Reachability) -> Leg:
     path = line if kind == RETRACT else line[::-1].copy()
     pairs = _touched(path, place, reach)
     proved_all = all(each.proved for each in pairs)
-    return Leg(kind, path, proved_all, Ground(reach.checker(place)), touches=pairs)
+    leg = Leg(kind, path, proved_all, Ground(reach.checker(place)), touches=pairs)
+    return replace(leg, meeting=_meeting(place, reach), depth_m=place.depth_m)
 
 
 def free_leg(blank: Leg, answer: Moved, place: Place, reach: Reachability) -> Leg:
     """The leg of a free path, with what touches on it because an end without a straight line allows it."""
     pairs = _touched(answer.path, place, reach)
     sure = answer.proved and all(each.proved for each in pairs)
-    return replace(blank, path=answer.path, proved=sure, touches=pairs)
+    meant = _meeting(place, reach)
+    return replace(blank, path=answer.path, proved=sure, touches=pairs, meeting=meant, depth_m=place.depth_m)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.model.motion import FINEST_M
-from engine.pipelines.motion.legs import FREE, Leg
+from engine.pipelines.motion.legs import Leg
 from engine.pipelines.motion.zones import Zone, slowed
 from engine.stages.motion.smoothing import Smoothed, certified
 from engine.stages.motion.trajectory import Limits, Trajectory, fastest
@@ -72,9 +71,8 @@ def _quickest(
 ) -> Smoothed | Trajectory:
     """The quicker one of resting at each corner and of cutting corners, if that is proved."""
     resting = fastest(leg.path[:, own], limits)
-    depth_on_corners = leg.kind == FREE and bool(leg.touches)  # it is proved on the path alone
-    if not smooth or len(leg.path) < 3 or not leg.proved or depth_on_corners:
+    if not smooth or len(leg.path) < 3 or not leg.proved:
         return resting
     even = np.ones(len(leg.path) - 1)
-    cut, proved = certified(leg.ground, leg.path, limits, own, leg.margin_m, FINEST_M, even, level)
+    cut, proved = certified(leg.tube(level), leg.path, limits, own, even)
     return cut if proved and cut.duration_s < resting.corners_s[-1] else resting

@@ -8,7 +8,6 @@ import numpy as np
 
 from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Longs, Piece
-from engine.model.motion import FINEST_M
 from engine.pipelines.motion.legs import Leg
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.builtin import BuiltinChecker
@@ -73,7 +72,7 @@ def slowed(leg: Leg, limits: Limits, own: slice, zones: Sequence[Zone], level: L
     path = parted(leg.path)
     slower = np.ones(len(path) - 1)
     for _ in range(ROUNDS):
-        found, proved = certified(leg.ground, path, limits, own, leg.margin_m, FINEST_M, slower, level)
+        found, proved = certified(leg.tube(level), path, limits, own, slower)
         if not proved:
             found = smoothed(path[:, own], limits, np.ones(len(path)), slower)
         factors = np.array([_too_fast(zone, found, path, own) for zone in zones]).max(axis=0)

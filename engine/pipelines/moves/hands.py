@@ -1,5 +1,6 @@
 """The arms of a cell as they go along: where each is, the ways that it takes, and how long it takes for them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,6 +29,9 @@ class Front:
     inside: bool = False
 
 
+Where = Mapping[str, tuple[Floats, Front | None]]  # of each arm, and what it stands before
+
+
 @dataclass(eq=False)
 class Hands:
     """Where the arms of a cell are, before or in which places, and the ways that they know."""
@@ -46,6 +50,15 @@ class Hands:
     def go_home(self) -> None:
         """Every arm is where its file has it rest."""
         self._now, self._front = dict(self._home), {}
+
+    def where(self) -> Where:
+        """Where all arms are."""
+        return {arm: (q, self._front.get(arm)) for arm, q in self._now.items()}
+
+    def put(self, where: Where) -> None:
+        """Some arms are there now."""
+        for arm, (q, front) in where.items():
+            self.arrive(arm, q, front)
 
     def now(self, arm: str) -> Floats:
         """Where an arm is: its configuration (k,)."""

@@ -50,7 +50,7 @@ class Moving:
     """A run whose plan moves. `problem` has the real times of the steps, `steps` their motions, `refused` what had none.
 
     `given_up` are goals about measurements that no arm can take; `problem` is without them. `sharing` says how several arms keep
-    apart.
+    apart. `walk` knows the motions of the steps, and the cell.
     """
 
     run: Run
@@ -59,6 +59,7 @@ class Moving:
     refused: tuple[Unmoved, ...] = ()
     given_up: tuple[GivenUp, ...] = ()
     sharing: Sharing | None = None
+    walk: Walk | None = None
 
 
 def plan_moving(
@@ -97,7 +98,7 @@ def plan_moving(
             continue
         moved = [each for each in steps if isinstance(each, MovedStep)]
         made = _in_real_time(_Asked(left, asked, walk), run, moved, refused)
-        return replace(made, given_up=given_up)
+        return replace(made, given_up=given_up, walk=walk)
     reason = f"{len(refused)} steps have no motion; the last: {told(refused[-1:])}"
     return Moving(Run(GaveUp(reason, "work")), problem, refused=tuple(refused))
 
@@ -152,7 +153,7 @@ def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequ
     assert isinstance(run.outcome, Found)
     plan = run.outcome.plan
     for _ in range(ROUNDS):
-        barred, plan = _with_times(asked.barred, plan, steps)
+        barred, plan = with_times(asked.barred, plan, steps)
         table = _scheduled(barred, plan, run)
         if table is None:
             break
@@ -166,7 +167,7 @@ def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequ
         plan, steps = table.plan, moved
         if settled:
             return _made(asked, run, table, steps, refused)
-    barred, plan = _with_times(asked.barred, plan, steps)
+    barred, plan = with_times(asked.barred, plan, steps)
     table = own_order(barred, ground(barred), plan)
     return _made(asked, run, table, steps, refused)
 
@@ -206,7 +207,7 @@ def _kept_apart(asked: _Asked, table: Timetable) -> Shared | str:
     }
 
     def lasting(plan: Plan, steps: Sequence[MovedStep]) -> Plan:
-        return _with_times(asked.barred, plan, steps)[1]
+        return with_times(asked.barred, plan, steps)[1]
 
     return kept_apart(asked.walk, table.plan, lasting, Encounters(asked.walk.backend), release)
 
@@ -230,7 +231,7 @@ def _times(steps: Sequence[MovedStep], problem: Problem) -> Mapping[Function, in
     return found | longest
 
 
-def _with_times(problem: Problem, plan: Plan, steps: Sequence[MovedStep]) -> tuple[Problem, Plan]:
+def with_times(problem: Problem, plan: Plan, steps: Sequence[MovedStep]) -> tuple[Problem, Plan]:
     """The problem and the plan with the times of motions."""
     times = _times(steps, problem)
     lasting = tuple(replace(step, duration=times.get(step.operator, step.duration)) for step in plan.steps)

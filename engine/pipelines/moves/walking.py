@@ -8,7 +8,8 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
 from engine.pipelines.moves.arms import arms_of
-from engine.pipelines.moves.hands import Front, Hands, held
+from engine.pipelines.moves.hands import Front, Hands, Where, held
+from engine.pipelines.moves.recognising import putting
 from engine.pipelines.moves.rides import Ride
 from engine.pipelines.moves.rooms import Room
 from engine.pipelines.moves.states import states_of
@@ -58,12 +59,15 @@ class Walk:
         self.hands = Hands(self.cell, self.seed, self.bridges)
         self._moving = {each.fact.name for each in self.cell.locations}
 
-    def steps(self, plan: Plan, home: Collection[StepId] = ()) -> Iterator[MovedStep | Unmoved]:
+    def steps(
+        self, plan: Plan, home: Collection[StepId] = (), start: Where | None = None
+    ) -> Iterator[MovedStep | Unmoved]:
         """The motion of each step that has one, in the order of the earliest starts; the first without one is the last.
 
-        After the steps in `home` the arm goes to where it rests.
+        After the steps in `home` the arm goes to where it rests. Arms begin where they rest, or where `start` has them.
         """
         self.hands.go_home()
+        self.hands.put(start or {})
         for step, before, after in states_of(self.semantics, plan):
             operation = operation_of(self.cell, step.operator)
             if operation is None:
@@ -99,12 +103,18 @@ class Walk:
         """The step, after which its arms go home one by one; one stays where it is if no way leads there."""
         legs = list(moved.legs)
         for arm in dict.fromkeys(leg.arm for leg in moved.legs):
-            home = World.of(self.cell).configurations[arm]
-            way = self.hands.way(self.room(after, (arm,)), arm, home[None])
-            if isinstance(way, Leg) and way.proved:
-                legs.append(way)
-                self.hands.arrive(arm, home, None)
+            way = self.homeward(arm, after)
+            legs += [] if way is None else [way]
         return replace(moved, legs=tuple(legs))
+
+    def homeward(self, arm: str, state: State) -> Leg | None:
+        """The proved way of an arm to where it rests, where it then is; None if it stays because no way leads there."""
+        home = World.of(self.cell).configurations[arm]
+        way = self.hands.way(self.room(state, (arm,)), arm, home[None])
+        if not isinstance(way, Leg) or not way.proved:
+            return None
+        self.hands.arrive(arm, home, None)
+        return way
 
     def _situation(self, step: Step, arms: tuple[str, ...], before: State, after: State) -> _Situation:
         stand = []
@@ -126,7 +136,7 @@ class Walk:
         if isinstance(found, MovedStep):
             return found
         standing = _carrying(rooms[0].world, place, {*found.culprits, *held(rooms[0].world, place.arm)})
-        while_true = _placing(self.cell, before, standing)
+        while_true = putting(self.cell, before, standing)
         return replace(found, while_true=while_true, regardless=self._regardless(found, operation))
 
     def _regardless(self, found: Unmoved, operation: Operation) -> frozenset[int]:
@@ -246,18 +256,6 @@ def _carrying(world: World, place: Place, bodies: set[str]) -> set[str]:
     """Some bodies, and all that carries them, the arm or the place: what stands where decides whether the arm gets there."""
     ends = (*bodies, f"{place.arm}.base", place.placement.parent)
     return {on for each in ends for on in world.supports(each)}
-
-
-def _placing(cell: Cell, state: State, bodies: Collection[str]) -> tuple[Atom, ...]:
-    """The facts of a state that put some bodies where they are."""
-    found = []
-    for fact in sorted(state, key=str):
-        for location in cell.locations:
-            bindings = match(location.fact, fact, {})
-            if bindings is not None and str(substitute(location.body, bindings)) in bodies:
-                found.append(fact)
-                break
-    return tuple(found)
 
 
 def _fits(location: Location, fact: Atom) -> bool:

@@ -13,6 +13,7 @@ from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.inspection import partition
 from engine.pipelines.inspection.demands import Demands
+from engine.pipelines.parts.beginning import chain_of, start_of
 from engine.pipelines.parts.chain import Chain, Part
 from engine.pipelines.parts.itinerary import Itinerary, itinerary
 from engine.pipelines.parts.joining import joined, of_arms
@@ -20,15 +21,11 @@ from engine.pipelines.parts.memory import Memory, Notebook
 from engine.pipelines.parts.runs import in_best_order
 from engine.pipelines.parts.sharing import Shared, shared
 from engine.pipelines.planning import LARGE
-from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.limits import size
-from engine.stages.grounding.program import Vocabulary
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.planning import Limits
 from engine.stages.sequencing import Limits as TourLimits
-from kb.diagnostics import InvalidInput
 from kb.model.conditions import goal_parts
 from kb.model.problem import Problem
 from kb.terms import Function, natural_key
@@ -60,7 +57,7 @@ def by_sequence(
     if not chooses_tools(problem.domain):
         return None
     asked = TourLimits(seed=limits.seed, interrupted=limits.interrupted, sharp=False)
-    line = Chain(problem, _start(problem), memory or Notebook(), limits)
+    line = Chain(problem, start_of(problem), memory or Notebook(), limits)
     way = itinerary(problem, lambda: line, asked, store)
     if way is None:
         return None
@@ -82,10 +79,7 @@ def shares_of(
     """How several arms share the measurements of a problem; None if one arm makes them all. Raises `InvalidInput`."""
     if not is_shared(problem):
         return None
-    line = Chain(
-        problem, _start(problem), Notebook(), Limits(seed=limits.seed, interrupted=limits.interrupted)
-    )
-    return shared(problem, partition(problem), more, limits, line)
+    return shared(problem, partition(problem), more, limits, chain_of(problem, limits))
 
 
 def _on_time(
@@ -96,17 +90,10 @@ def _on_time(
     from engine.pipelines.parts.punctual import punctual
 
     def planned(other: Itinerary) -> Outcome | None:
-        again = Chain(problem, _start(problem), line.memory, line.limits)
+        again = Chain(problem, start_of(problem), line.memory, line.limits)
         return _planned(problem, other, again)
 
     return punctual(problem, way, outcome, planned, limits)
-
-
-def _start(problem: Problem) -> Situation:
-    state, contradicted = initial_state(problem, Vocabulary(problem.domain))
-    if contradicted:
-        raise InvalidInput(contradicted)
-    return Situation.of(CellDomain(problem), state)
 
 
 def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:

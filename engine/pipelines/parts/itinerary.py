@@ -104,7 +104,7 @@ def itinerary(
 ) -> Itinerary | None:
     """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order, by one arm.
 
-    The sequence that is kept in `store` is used, and one is kept there if there is none; what several arms share is not kept. A workflow
+    The sequence that is kept in `store` is used, and one is kept there if there is none. A workflow
     that only says which measurement comes before which is kept. `line` begins plans. Raises `InvalidInput`.
     """
     if not chooses_tools(problem.domain):
@@ -119,10 +119,11 @@ def itinerary(
     parts = _only(every, wanted)
     if sum(map(len, parts.groups.values())) < least:
         return None
-    if is_shared(placed):
-        found = _shared(placed, parts, limits, Demands(before=before), line())
-    elif store and not before:
+    found: Itinerary | None
+    if store and not before:
         found = _kept(placed, parts, limits, store)
+    elif is_shared(placed):
+        found = _shared(placed, parts, limits, Demands(before=before), line())
     else:
         found = _made(placed, parts, limits, Demands(before=before))
     unasked = {name: why for name, why in every.impossible.items() if name not in wanted}
@@ -168,11 +169,9 @@ def _shared(
     made = shared(problem, parts, more, limits, line)
     if not isinstance(made, Shared) or not made.order:
         return None
-    last = max(made.problems, key=lambda arm: made.shares.busy[arm])
-    order = tuple(range(len(made.problems[last].visits)))
-    tour = Tour(order, cost_of(made.problems[last], order), 0)
+    last, tour = made.last
     visits = tuple((name, made.tools[name]) for name in made.order)
-    return Itinerary(visits, made.partition, made.problems[last], tour, unkept=made.unkept, shared=made)
+    return Itinerary(visits, made.partition, last, tour, unkept=made.unkept, shared=made)
 
 
 def _bound(problem: TourProblem) -> bool:
@@ -183,7 +182,7 @@ def _bound(problem: TourProblem) -> bool:
 
 def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Itinerary:
     """The order of the kept sequence, without what the goals do not ask for."""
-    from engine.pipelines.inspection.keeping import carry_on  # slow to import, and only a store needs it
+    from engine.pipelines.parts.keeping import carry_on  # slow to import, and only a store needs it
 
     progress = carry_on(store, problem, limits=limits)
     wanted = {name for names in parts.groups.values() for name in names}
@@ -191,7 +190,8 @@ def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Iti
     reasons = {**progress.plan.impossible, **progress.plan.bad, **parts.impossible}
     out = {name: why for name, why in reasons.items() if name in wanted | set(parts.impossible)}
     fixed = progress.way == "kept" or len(visits) < len(progress.tour.order) or _bound(progress.problem)
-    return Itinerary(visits, replace(parts, impossible=out), progress.problem, progress.tour, fixed=fixed)
+    parts, shares = replace(parts, impossible=out), getattr(progress, "shared", None)
+    return Itinerary(visits, parts, progress.problem, progress.tour, fixed=fixed, shared=shares)
 
 
 def _only(parts: Partition, wanted: set[str]) -> Partition:

@@ -5,14 +5,15 @@ whom, because of `before` or of the alignment, is kept by the order in which all
 """
 
 import contextlib
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import SharedProblem, Shares, Tour, TourProblem, Visit, busy_with
+from engine.model.tour import SharedProblem, Shares, Tour, TourProblem, Visit, busy_with, cost_of
 from engine.pipelines.inspection import Partition, tour_problem
-from engine.pipelines.inspection.arms import Able, by_arm, offers
+from engine.pipelines.inspection.arms import Able, Offers, by_arm, offers
 from engine.pipelines.inspection.demands import Demands, of_facts, without_windows
 from engine.pipelines.inspection.ways import STRAIGHT, straight, time_between
 from engine.pipelines.parts.chain import MUCH, Chain, Part
@@ -28,6 +29,7 @@ from kb.model.problem import Problem
 from kb.terms import Function, Term
 
 BEGIN = "begin of "  # what the visit is called at which an arm begins; no measurement has a space in its name
+NOWHERE: Mapping[str, Visit] = {}
 PROOF = 5.0  # work of the solver for a tour with windows, about seconds
 
 
@@ -52,25 +54,41 @@ class Shared:
     measuring: Mapping[str, int]
     unkept: str = ""
 
+    @property
+    def last(self) -> tuple[TourProblem, Tour]:
+        """The tour problem of the arm that is done last, and its tour."""
+        problem = self.problems[max(self.problems, key=lambda arm: self.shares.busy[arm])]
+        order = tuple(range(len(problem.visits)))
+        return problem, Tour(order, cost_of(problem, order), 0)
+
     def lasts(self, cost: int) -> int:
         """A cost in the unit of the shares, rounded up."""
         return -int(-cost // self.per_unit)
 
 
 def shared(
-    problem: Problem, parts: Partition, more: Demands, limits: Limits, line: Chain
+    problem: Problem,
+    parts: Partition,
+    more: Demands,
+    limits: Limits,
+    line: Chain,
+    at: Mapping[str, Visit] = NOWHERE,
+    offered: Offers | None = None,
 ) -> Shared | Infeasible | GaveUp:
-    """The shares with the least makespan that are found; why there are none. `line` is where plans begin. Raises `InvalidInput`."""
-    found = offers(problem, parts)
+    """The shares with the least makespan that are found; why there are none. `line` is where plans begin. Raises `InvalidInput`.
+
+    `at` says which visit each arm has made last, if it has. What arms can make is `offered`, if it is known.
+    """
+    found = offered or offers(problem, parts)
     parts = replace(parts, impossible={**parts.impossible, **found.impossible})
-    made = [_Asked(problem, parts, more, limits, line, able).shared() for able in found.ways]
+    made = [Asked(problem, parts, more, limits, line, able, at).shared() for able in found.ways]
     able_ = [each for each in made if isinstance(each, Shared)]
     return min(able_, key=lambda each: each.shares.makespan) if able_ else made[0]
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """Measurements to be shared, where each arm has its tools (`able`)."""
+class Asked:
+    """Measurements to be shared, where each arm has its tools (`able`), and has made the visit `at` last."""
 
     problem: Problem
     parts: Partition
@@ -78,6 +96,7 @@ class _Asked:
     limits: Limits
     line: Chain
     able: Able
+    at: Mapping[str, Visit] = field(default_factory=dict)
 
     @cached_property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -106,11 +125,11 @@ class _Asked:
 
     def _from_start(self, arm: str, tours: TourProblem) -> TourProblem:
         """The tour of an arm from where it stands; ways that a table gives do not begin there."""
-        if arm not in self.starts or tours.unit != STRAIGHT:
+        if (arm not in self.starts and arm not in self.at) or tours.unit != STRAIGHT:
             return tours
-        x, y, z = (each * 1e-6 for each in self.starts[arm])
         first = min((visit.phase for visit in tours.visits), default=0)
-        begin = Visit(f"{BEGIN}{arm}", (x, y, z), phase=first)
+        here = self.at.get(arm) or Visit("", tuple(each * 1e-6 for each in self.starts[arm]))
+        begin = replace(here, name=f"{BEGIN}{arm}", phase=first)
         made = straight(tours.name, (begin, *tours.visits), tours.changes, 0)
         pairs = tuple((a + 1, b + 1) for a, b in tours.precedence)
         return replace(made, precedence=pairs, shifts=tours.shifts)
@@ -148,6 +167,23 @@ class _Asked:
             made = self._made(problems, found)
         return made or GaveUp("the arms would wait for each other in a circle", "work")
 
+    def following(self, orders: Mapping[str, tuple[str, ...]]) -> Shared | None:
+        """The shares in orders that are known; None if the arms would wait for each other in a circle."""
+        problems = {arm: self._lasting(arm, without_windows(each)) for arm, each in self.toured.items()}
+        whole = {arm: tuple(orders.get(arm, ())) for arm in problems}
+        busy = {arm: self._busy(problems, arm, own) for arm, own in whole.items()}
+        return self._made(problems, Shares(whole, busy, 0, self._common), keep=True)
+
+    @property
+    def _common(self) -> int:
+        """How many measurements more than one arm can make."""
+        arms = Counter(name for own in self.able.values() for name in own)
+        return sum(each > 1 for each in arms.values())
+
+    def _busy(self, problems: Mapping[str, TourProblem], arm: str, names: tuple[str, ...]) -> int:
+        begun = self._from_start(arm, of_share(problems[arm], names))
+        return busy_with(begun, tuple(range(len(begun.visits))))
+
     def _shares(self, problems: Mapping[str, TourProblem]) -> Shares | Infeasible | GaveUp:
         """The shares, without the places where arms begin."""
         begun = {arm: self._from_start(arm, each) for arm, each in problems.items()}
@@ -176,9 +212,9 @@ class _Asked:
         way = time_between(self.problem, tours, same) or 0
         return 0 if lasts >= MUCH else max(0, lasts - way)
 
-    def _made(self, problems: Mapping[str, TourProblem], found: Shares) -> Shared | None:
-        """What is known of the shares; None if the arms wait for each other in a circle."""
-        found, unkept = self._in_windows(problems, found)
+    def _made(self, problems: Mapping[str, TourProblem], found: Shares, keep: bool = False) -> Shared | None:
+        """What is known of the shares, whose orders are to `keep` or may give way to windows; None if arms wait in a circle."""
+        found, unkept = (found, "") if keep else self._in_windows(problems, found)
         arms = {name: arm for arm, own in found.orders.items() for name in own}
         waits = tuple(dict.fromkeys(waits_of(self.pairs, self.toured, found, arms)))
         order = merged(problems, found, waits)
@@ -205,10 +241,7 @@ class _Asked:
                 orders[arm] = tuple(own[n] for n in tour.order)
             else:
                 unkept = tour.reason
-        busy = dict(found.busy)
-        for arm, names in orders.items():
-            begun = self._from_start(arm, of_share(problems[arm], names))
-            busy[arm] = busy_with(begun, tuple(range(len(begun.visits))))
+        busy = {arm: self._busy(problems, arm, names) for arm, names in orders.items()}
         return replace(found, orders=orders, busy=busy), unkept
 
 

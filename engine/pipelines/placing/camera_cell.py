@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from engine.pipelines.placing.optics import Errors, Optics, drawn_errors
 from engine.pipelines.placing.seeing import Seeing, Shows, held_still
@@ -23,6 +23,10 @@ class Inner(Protocol):
 
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
         """Carry out a step: its reply."""
+        ...
+
+    def told(self) -> Mapping[str, Any]:
+        """What the reply to the last step tells beside its text."""
         ...
 
     def missing(self, looked_at: Sequence[str]) -> str:
@@ -51,6 +55,10 @@ class CameraCell:
         if said is None or said.partition("(")[0] != expects.partition("(")[0]:
             return said
         return self.seeing.carry_out(text.partition("(")[0]) or said
+
+    def told(self) -> Mapping[str, Any]:
+        """What the reply to the last step tells beside its text."""
+        return self.inner.told()
 
     def missing(self, looked_at: Sequence[str]) -> str:
         """The first of some facts that is not so."""

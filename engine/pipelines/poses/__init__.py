@@ -4,7 +4,7 @@ Its answers make the measurement knowledge base. They can be kept in a store, an
 the place or a body near the poses has changed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.model.poses import MeasurementPoses
@@ -62,14 +62,14 @@ def known_poses(
     cell: Cell,
     backend: GeometryBackend,
     known: Mapping[Key, MeasurementPoses] | None = None,
-    only: str = "",
+    only: Collection[str] | None = None,
 ) -> Knowledge:
-    """The poses of every measurement that a tool is chosen for, or of one. What is `known` and still valid is not found again."""
+    """The poses of every measurement that a tool is chosen for, or of some. What is `known` and still valid is not found again."""
     semantics = PlanGate().semantics(problem)
     words = problem.domain.conventions
     tools = chosen_tools(semantics)
     whole = with_measured_places(cell, problem, tools)
-    tools = {name: tool for name, tool in tools.items() if only in ("", name)}
+    tools = {name: tool for name, tool in tools.items() if only is None or name in only}
     widths = _widths(semantics)
     kinematics = {name: InverseKinematics(model) for name, model in World.of(whole).models.items()}
     found: dict[Key, MeasurementPoses] = {}

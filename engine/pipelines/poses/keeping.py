@@ -1,6 +1,7 @@
 """Poses of measurements in a store, and out of it again."""
 
 import json
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -14,18 +15,25 @@ from kb.model.problem import Problem
 from kb.store.poses import PoseStore
 
 
-def kept_poses(store: str, problem: Problem, cell: Cell, backend: GeometryBackend) -> Knowledge:
-    """The poses of a problem's measurements: those of the store that are still valid, the others found and kept there.
+def kept_poses(
+    store: str,
+    problem: Problem,
+    cell: Cell,
+    backend: GeometryBackend,
+    only: Collection[str] | None = None,
+) -> Knowledge:
+    """The poses of a problem's measurements, or of some: those of the store that are still valid, the others found and kept there.
 
     Raises `InvalidInput` if the store cannot be used. A document that cannot be read counts as missing.
     """
     with PoseStore(store) as poses:
         documents = poses.of(problem.domain.name, problem.name)
+        documents = {key: text for key, text in documents.items() if only is None or key[0] in only}
         known = {key: found for key, text in documents.items() if (found := _read(text)) is not None}
-        knowledge = known_poses(problem, cell, backend, known)
+        knowledge = known_poses(problem, cell, backend, known, only)
         if knowledge.made or knowledge.poses.keys() != documents.keys():
             fresh: dict[Key, str] = {key: _written(each) for key, each in knowledge.poses.items()}
-            poses.keep(problem.domain.name, problem.name, fresh)
+            poses.keep(problem.domain.name, problem.name, fresh, only)
     return knowledge
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from engine.model.measurements import chooses_tools, is_shared
 from engine.pipelines.moves.planning import Moving, plan_moving
+from engine.pipelines.moves.walking import Ways
 from engine.pipelines.objective import Run
 from engine.pipelines.poses import Knowledge, known_poses, with_stations
 from engine.pipelines.poses.keeping import kept_poses
@@ -37,12 +38,23 @@ def plan_with_poses(
     if not chooses_tools(problem.domain) or is_shared(problem):
         return MovingInspection(plan_moving(problem, cell, backend, planned, seed))
     knowledge = kept_poses(store, problem, cell, backend) if store else known_poses(problem, cell, backend)
+    ways = _ways(problem, knowledge)
+    told = with_stations(problem, knowledge)
+    moving = plan_moving(told, cell, backend, planned, seed, ways, knowledge.unreached())
+    return MovingInspection(moving, knowledge)
+
+
+def known_ways(problem: Problem, cell: Cell, backend: GeometryBackend, store: str) -> Ways:
+    """The straight ways into the places of measurements that a store has, or that are found now."""
+    if not chooses_tools(problem.domain) or is_shared(problem):
+        return {}
+    return _ways(problem, kept_poses(store, problem, cell, backend))
+
+
+def _ways(problem: Problem, knowledge: Knowledge) -> Ways:
     words = problem.domain.conventions
-    ways = {
+    return {
         (words.place(name), station): each.straight
         for (name, _, station), each in knowledge.poses.items()
         if each.reached
     }
-    told = with_stations(problem, knowledge)
-    moving = plan_moving(told, cell, backend, planned, seed, ways, knowledge.unreached())
-    return MovingInspection(moving, knowledge)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from engine.pipelines.planning import loaded
 from engine.pipelines.preparation import notes
+from engine.pipelines.preparation.poses import find_poses
 from engine.pipelines.preparation.problem import lost, work
 from engine.pipelines.preparation.results import (
     KeptPoses,
@@ -21,6 +22,7 @@ from engine.pipelines.preparation.results import (
 from engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, silent
 from engine.pipelines.units.content import content, everywhere
 from engine.pipelines.units.course import INTERRUPTED
+from engine.pipelines.units.crews import Alone
 from engine.stages.macros.lifted.digests import Digests
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
@@ -52,6 +54,8 @@ def prepare(
         stale = _without_stale(paths, store)
     except Stopped:
         return Preparation(tuple(lost(job, INTERRUPTED) for job in jobs))
+    if not isinstance(crew, Alone):
+        find_poses(jobs, crew, limits.interrupted)
     units = [Unit(str(job.path), job.content, job) for job in jobs]
     kind = Kind(
         f"prepare {limits.expansions} {limits.seed}",
@@ -70,6 +74,8 @@ def prepare(
 def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ...]]:
     gone: dict[int, tuple[str, ...]] = {}
     with Library(store) as library:
+        if not library.figures().macrops:
+            return gone  # reading all domains takes a while, and each is read again by those who plan
         for domain in _domains(paths):
             outdated = library.outdated(domain.name, Digests(domain).of)
             library.forget(outdated)

@@ -1,14 +1,13 @@
 """One problem of a preparation: it is planned, and what was learned is kept in the store."""
 
 from dataclasses import replace
-from pathlib import Path
 
 from engine.kernels.cancellation import Interrupted
-from engine.model.measurements import chooses_tools, is_shared
+from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, GaveUp
-from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.objective import sequenced
 from engine.pipelines.planning import LARGE, loaded
+from engine.pipelines.preparation.poses import cell_of_measurements
 from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
 from engine.pipelines.reuse.practice import Answered, Practice
 from engine.pipelines.units import Drafted
@@ -20,7 +19,6 @@ from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
 from kb.stopping import Stopped
 from kb.store.draft import Draft
-from kb.targets import CELL_FILE
 
 UNUSABLE = "K416"  # of a library: another time it may be there
 
@@ -40,7 +38,7 @@ def work(job: PreparationJob, interrupted: Interrupted) -> Prepared | Drafted[Pr
             return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
         measures = chooses_tools(problem.domain)
         poses = _poses(job.store, problem) if measures else None
-        kept = _kept(job.store, problem) if measures and not is_shared(problem) else None
+        kept = _kept(job.store, problem) if measures else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
         draft, answered = _answered(job.store, problem, limits)
     except InvalidInput as error:
@@ -85,16 +83,12 @@ def lost(job: PreparationJob, why: str) -> Prepared:
 
 def _poses(store: str, problem: Problem) -> KeptPoses | None:
     """Bring the poses of a problem's measurements up to date in the store; None without a cell that says what arms do."""
-    path = Path(problem.domain.path).with_name(CELL_FILE)
-    if not problem.domain.path or not path.is_file():
+    cell = cell_of_measurements(problem)
+    if cell is None:
         return None
     from engine.pipelines.poses.keeping import kept_poses  # geometry is slow to load
     from engine.plugins import geometry_backend
-    from kb.loader.cell import load_cell
 
-    cell = load_cell(path)
-    if not cell.operations:
-        return None
     found = kept_poses(store, problem, cell, geometry_backend())
     reached = {each.measurement for each in found.poses.values() if each.reached}
     return KeptPoses(len(reached), found.made, found.kept, found.unreached())
@@ -102,6 +96,8 @@ def _poses(store: str, problem: Problem) -> KeptPoses | None:
 
 def _kept(store: str, problem: Problem) -> KeptSequence:
     """Bring the kept sequence of a problem's measurements up to date in the store, and report on it."""
+    from engine.pipelines.parts.keeping import carry_on  # slow to load, and only inspections need it
+
     found = carry_on(store, problem)
     counts = {
         "reordered": len(found.reordered),

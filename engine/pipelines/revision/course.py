@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from engine.model.quantities import Comparing, Level
-from engine.model.replay import Instances, instances, reached_goals, replayed, settled
+from engine.model.replay import Instances, instances, reached_at_the_end, replayed, settled
 from engine.model.stages import STAGE, stage_atom
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.pipelines.gate import PlanGate
@@ -101,7 +101,7 @@ class Course:
 
     def reached_goals(self, state: Bits) -> Bits | None:
         """The alternative of the goals that holds in a state; None if none holds."""
-        return reached_goals(self.task, state)
+        return reached_at_the_end(self.task, state)
 
     def named(self, bits: Bits) -> tuple[Atom, ...]:
         """The atoms in a bitset."""

@@ -5,42 +5,29 @@ again on the virtual clock, which always ends in the same state.
 """
 
 import heapq
-import random
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
 from engine.pipelines.simulator.hidden import HiddenCell
-from engine.pipelines.simulator.injections import Injection, injection
 from engine.pipelines.simulator.log import Log, Sent
 from engine.pipelines.simulator.physical import SimulatedCell
+from engine.pipelines.simulator.settings import Settings, drawn, settings_of
 from engine.ports import DriverSetup
-from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.faults import load_faults
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem
-from kb.numbers import NumberError, decimal
 
 if TYPE_CHECKING:
+    from engine.pipelines.simulator.physical import PhysicalBody
     from engine.pipelines.simulator.truth import Truth
+    from engine.pipelines.simulator.unknown import Unknown
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """How a simulated cell behaves. Durations are spread evenly by a share around the forecast."""
-
-    seed: int = 0
-    factor: float = 0.0
-    spread: float = 0.0
-    lookahead: int = 1
-    injections: tuple[Injection, ...] = ()
-    log: str = ""
 
 
 @dataclass
@@ -174,7 +161,7 @@ class Simulator:
         if text is None:
             self._lost.add(command.number)
         else:
-            self._answer(Reply(command.number, text, self._now))
+            self._answer(Reply(command.number, text, self._now, self.cell.told()))
 
     def _watch(self) -> None:
         """End every command at once that watches something which is not so any more."""
@@ -236,12 +223,6 @@ class Simulator:
         self._log.close()
 
 
-def drawn(settings: Settings, action: str, time_: int, lasts_ms: int) -> int:
-    """How long an action takes the n-th time: always the same for the same seed."""
-    share = random.Random(f"{settings.seed} {action} {time_}").uniform(-1.0, 1.0)
-    return max(0, round(lasts_ms * (1.0 + settings.spread * share)))
-
-
 def fault_base(problem: Problem) -> FaultModel | None:
     """The fault base of a problem's domain; None if it has none."""
     path = Path(problem.domain.path)
@@ -252,11 +233,28 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 
 def simulator(setup: DriverSetup) -> Simulator:
-    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth. Raises `InvalidInput`."""
-    settings = settings_of(setup)
-    truth = truth_of(setup)
-    cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed, truth=truth)
+    """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log, truth, obstacles, really.
+
+    Raises `InvalidInput`.
+    """
+    settings, truth = settings_of(setup, ("obstacles", "really")), truth_of(setup)
+    body, unknown = _obstructed(setup)
+    base = fault_base(setup.problem)
+    cell = HiddenCell(
+        setup.problem, base, settings.injections, setup.seed, body=body, truth=truth, unknown=unknown
+    )
     return Simulator(cell, settings)
+
+
+def _obstructed(setup: DriverSetup) -> "tuple[PhysicalBody | None, Unknown | None]":
+    """The arm, where something stands that nobody knows of."""
+    if not {"obstacles", "really"} & setup.options.keys():
+        return None, None
+    from engine.pipelines.simulator.obstructed import Obstructed  # these need numpy
+    from engine.pipelines.simulator.unknown import unknown_of
+
+    unknown = unknown_of(setup.options, setup.problem)
+    return (None if unknown is None else Obstructed(setup.problem, unknown, setup.seed)), unknown
 
 
 def truth_of(setup: DriverSetup) -> "Truth | None":
@@ -266,30 +264,3 @@ def truth_of(setup: DriverSetup) -> "Truth | None":
     from engine.pipelines.simulator.truth import read_truth  # it needs numpy
 
     return read_truth(setup.options["truth"], setup.problem, setup.seed)
-
-
-def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
-    """How a simulated cell behaves. `more` are options that its driver has beside these. Raises `InvalidInput`."""
-    known = ("spread", "lookahead", "fault", "log", "truth", *more)
-    if unknown := [name for name in setup.options if name not in known]:
-        hint = f"one of: {', '.join(known)}"
-        raise InvalidInput(
-            [Diagnostic(Source("--option"), "K408", f"the simulator has no option '{unknown[0]}'", hint)]
-        )
-    return Settings(
-        setup.seed,
-        setup.factor,
-        number_of(setup.options, "spread"),
-        max(1, int(number_of(setup.options, "lookahead", 1))),
-        tuple(injection(each.strip()) for each in setup.options.get("fault", "").split(";") if each.strip()),
-        setup.options.get("log", ""),
-    )
-
-
-def number_of(options: Mapping[str, str], name: str, default: float = 0.0) -> float:
-    """An option of a driver as a number. Raises `InvalidInput`."""
-    try:
-        return decimal(options[name]) if name in options else default
-    except NumberError as error:
-        said = f"'{options[name][:40]}' {error}"
-        raise InvalidInput([Diagnostic(Source("--option"), "K107", said, f"write {name}=0.2")]) from None

@@ -2,31 +2,33 @@
 
 import random
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 from engine.model.cases import Hypothesis
+from engine.model.execution import OBSTRUCTED
 from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, SymbolicWorld, WorldState
 from engine.pipelines.simulation.world import achievement
 from engine.pipelines.simulator.good_part import GoodPart
 from engine.pipelines.simulator.injections import Injection
 from engine.pipelines.simulator.physical import PhysicalBody, reading_by, told_by
+from engine.pipelines.simulator.showing import exceptions, instance
 from engine.stages.diagnosis.knowledge import CURED
 from engine.stages.diagnosis.revision import binding_of
 from engine.stages.diagnosis.world import HiddenWorld
 from engine.stages.macros.lifted.execution import Execution
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import CellDomain, StepChange
-from kb.asp import ground_term
 from kb.model.domain import Kind
 from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Step, StepId
 from kb.model.problem import Problem
-from kb.terms import Function, match
+from kb.terms import Function
 
 if TYPE_CHECKING:
     from engine.pipelines.simulator.truth import Truth
+    from engine.pipelines.simulator.unknown import Unknown
 
 SILENCE = "timeout"  # the reply of the fault base for a step that is never answered
 FAILED = "failed"
@@ -59,15 +61,22 @@ class HiddenCell:
     helped: list[str] = field(default_factory=list)
     body: PhysicalBody | None = None
     truth: "Truth | None" = None
+    unknown: "Unknown | None" = None
     expected: WorldState | None = None  # after the last step that physics has made fail, had it worked
 
     def __post_init__(self) -> None:
         self.dynamics = Dynamics(self.problem)
         self.domain = CellDomain(self.problem)
-        self._know(self.dynamics.start())
+        self._told: Mapping[str, Any] = {}
+        self._know(self._start())
         self._good = GoodPart(self.problem, self.seed)
         known = self.injections or self.body or (self.truth is not None and self.truth.drifting)
         self._memory = Memory.of(self.model if known else None)
+
+    def _start(self) -> WorldState:
+        """The state in which the cell really begins."""
+        state, unknown = self.dynamics.start(), self.unknown
+        return state if unknown is None else replace(state, facts=unknown.real(state.facts))
 
     def _know(self, state: WorldState) -> None:
         self.world = SymbolicWorld(self.problem.chains, set(state.facts), dict(state.reached))
@@ -75,7 +84,7 @@ class HiddenCell:
 
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
         """Carry out a step with the part believed to lie there: its reply; None if none ever comes."""
-        step = _instance(text)
+        step, self._told = instance(text), {}
         for name in {str(step): None, step.name: None}:  # one name, if it has no arguments
             self.times[name] = self.times.get(name, 0) + 1
         if (found := self._injected(step) or self._drifted(step)) is not None:
@@ -86,12 +95,17 @@ class HiddenCell:
             before = self.world.state
             after = self.dynamics.after(step, before)
             if not self.body.carries_out(step, before.facts, after.facts):
-                return self._shown(step, self.body, before, after)
+                self._told = self.body.met()
+                return OBSTRUCTED if self._told else self._shown(step, self.body, before, after)
         if self._refused(step):
             return self._blind(step)
         if self.truth is not None:
             self.truth.drifting.calibrated(step)
         return self._sensed(step, expects) or self._reply(step, expects, part)
+
+    def told(self) -> Mapping[str, Any]:
+        """What has stopped the arm in the last step; empty if nothing has."""
+        return self._told
 
     def _sensed(self, step: Function, expects: str) -> str:
         """The reply to a step that reads a sensor of a physical cell; empty for another one."""
@@ -103,7 +117,7 @@ class HiddenCell:
         cause = self.truth.drifting.found(step) if self.truth else None
         if not cause or not self.model or any(cause in each.causes for each in self.faults):
             return None
-        found = min(_exceptions(self.model, step, cause), key=lambda each: len(each.counts), default=None)
+        found = min(exceptions(self.model, step, cause), key=lambda each: len(each.counts), default=None)
         return None if found is None else (Injection(str(step), cause), found)
 
     def _injected(self, step: Function) -> tuple[Injection, Interruption] | None:
@@ -113,7 +127,7 @@ class HiddenCell:
                 and self.times.get(each.action) == each.time
                 and each.action in (str(step), step.name)
             ):
-                exception = next(_exceptions(self.model, step, each.cause, each.exception), None)
+                exception = next(exceptions(self.model, step, each.cause, each.exception), None)
                 if exception is not None:
                     return each, exception
         return None
@@ -138,7 +152,7 @@ class HiddenCell:
         """
         self.expected = after
         model, found = self.model, list[tuple[int, float, Injection, Interruption]]()
-        for each in _exceptions(model, step) if model is not None else ():
+        for each in exceptions(model, step) if model is not None else ():
             assert model is not None
             cell = FaultyCell(self.dynamics, model, each.name, binding_of(model, each.name, step), step)
             for cause, count in each.counts.items():
@@ -158,8 +172,8 @@ class HiddenCell:
             cause = fault.cell.failing(fault.causes, step)
             if cause:
                 assert self.model is not None
-                shown = next(_exceptions(self.model, step, cause), None) or next(
-                    _exceptions(self.model, step), None
+                shown = next(exceptions(self.model, step, cause), None) or next(
+                    exceptions(self.model, step), None
                 )
                 return shown.reply if shown is not None else FAILED
         return None
@@ -192,7 +206,7 @@ class HiddenCell:
 
     def _blind(self, step: Function) -> str:
         """The reply to a step whose precondition does not hold: how it shows that it cannot be done."""
-        shown = None if self.model is None else next(_exceptions(self.model, step), None)
+        shown = None if self.model is None else next(exceptions(self.model, step), None)
         return shown.reply if shown is not None else FAILED
 
     def _reply(self, step: Function, expects: str, part: Sequence[float]) -> str:
@@ -213,7 +227,7 @@ class HiddenCell:
         facts = self.dynamics.facts(self.world.state)
         known = self.problem.domain.predicates
         seen = {name for name, each in known.items() if each.kind in (Kind.FLUENT, Kind.DERIVED)}
-        atoms = {text: _instance(text) for text in looked_at}
+        atoms = {text: instance(text) for text in looked_at}
         for text, atom in atoms.items():
             shown = reading_by(self.body, atom)
             if shown and str(atom.arguments[-1]) != shown:
@@ -271,30 +285,3 @@ class HiddenCell:
         """What a person answers who looks into the cell: the causes that are there, if they are among the choices."""
         named = " and ".join(cause for fault in self.faults for cause in fault.causes)
         return next((each for each in choices if each == named), choices[-1] if choices else "done")
-
-
-def _exceptions(model: FaultModel, step: Function, cause: str = "", name: str = "") -> Iterator[Interruption]:
-    """The exceptions that a step can have, for a cause if it is given."""
-    for each in model.exceptions.values():
-        fits = each.operator is not None and match(each.operator, step, {}) is not None
-        if fits and (not cause or cause in each.counts) and name in ("", each.name):
-            yield each
-
-
-def possible(model: FaultModel, step: Function, cause: str) -> tuple[str, ...]:
-    """The exceptions by which a cause can show at a step."""
-    return tuple(each.name for each in _exceptions(model, step, cause))
-
-
-_read: dict[str, Function] = {}
-
-
-def _instance(text: str) -> Function:
-    """The step in a command."""
-    if text not in _read:
-        if len(_read) > 1 << 14:
-            _read.clear()
-        found = ground_term(text)
-        assert isinstance(found, Function)
-        _read[text] = found
-    return _read[text]

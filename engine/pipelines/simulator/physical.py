@@ -1,7 +1,7 @@
 """What the simulator asks of a cell, and a simulated cell of a physical one: whether steps have worked, and what sensors read."""
 
-from collections.abc import Callable, Collection, Sequence
-from typing import Protocol
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any, Protocol
 
 from kb.model.faults import FaultTest
 from kb.terms import Atom, Function
@@ -12,6 +12,10 @@ class PhysicalBody(Protocol):
 
     def carries_out(self, step: Function, before: Collection[Atom], after: Collection[Atom]) -> bool:
         """Take a step; whether it has led from the facts before it to those after it."""
+        ...
+
+    def met(self) -> Mapping[str, Any]:
+        """What has stopped the arm in the last step, as the data of a reply; empty if nothing has: the arm is where it was."""
         ...
 
     def misfit(self, facts: Collection[Atom], before: Collection[Atom], after: Collection[Atom]) -> int:
@@ -40,6 +44,10 @@ class SimulatedCell(Protocol):
 
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
         """Carry out a step with the part believed to lie there: its reply; None if none ever comes."""
+        ...
+
+    def told(self) -> Mapping[str, Any]:
+        """What the reply to the last step tells beside its text."""
         ...
 
     def missing(self, looked_at: Sequence[str]) -> str:

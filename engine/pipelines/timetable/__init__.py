@@ -10,15 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from engine.model.forecast import makespan
 from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
-from engine.model.replay import instances, joined, reached_goals, replayed
-from engine.model.schedule import Scheduled, Timetable
-from engine.model.shop import Shop
-from engine.model.stages import STAGE
-from engine.model.task import Bits, GroundOperator, Task, bitset
+from engine.model.schedule import Timetable
+from engine.model.task import Task
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import plan_in, planned, problem_of
+from engine.pipelines.timetable.blocked import BLOCKS, by_blocks
+from engine.pipelines.timetable.blocked import operators_of as operators_of
+from engine.pipelines.timetable.hands import arms_in, by_other_hands
 from engine.pipelines.timetable.kept import LONG, kept
 from engine.pipelines.timetable.orders import Steps, in_its_order
 from engine.pipelines.timetable.spares import with_one_of_each
@@ -26,19 +25,15 @@ from engine.pipelines.timetable.wishes import wishes_for
 from engine.pipelines.timetable.wishes import wishes_of as wishes_of
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.planning.variants import plainly
-from engine.stages.scheduling import ScheduleLimits, schedule
+from engine.stages.scheduling import ScheduleLimits
 from engine.stages.scheduling.blocks import Unstructured
-from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps, units
-from engine.stages.scheduling.work import CellWork, Wishes, cell_work
+from engine.stages.scheduling.work import Wishes
 from kb.diagnostics import InvalidInput
-from kb.model.plan import Plan, StepId
+from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.terms import Term
 
 NOTHING: Mapping[Term, int] = {}
-BLOCKS = "of all schedules of the blocks of this plan"
 WINDOWS = "measurements with windows keep their order"
 
 
@@ -82,19 +77,24 @@ def timetable(
 def _without_spares(
     problem: Problem, task: Task, outcome: Found, made: Timetable, planning: Limits, limits: ScheduleLimits
 ) -> Timetable:
-    """The timetable of a plan that does without spare means, if it is better than the one that was made."""
-    fewer = plan_without_spares(problem, task, outcome, made, planning)
-    other = made if fewer is None else timed(problem, task, fewer, limits)
-    return other if isinstance(other, Timetable) and value_of(other) < value_of(made) else made
+    """The best timetable of the plan, of one that does without spare means, and of both with their blocks shared out anew."""
+    others = without_spares(problem, task, outcome, made, planning, limits)
+    return min([made, *others], key=value_of)
 
 
-def plan_without_spares(
-    problem: Problem, task: Task, outcome: Found, made: Timetable, planning: Limits
-) -> Plan | None:
-    """A plan that does without spare means; None if the one that was found is cut into blocks, or has the least makespan."""
-    if made.scope == BLOCKS or made.schedule.proved:
-        return None
-    return with_one_of_each(problem, task, outcome, planning)
+def without_spares(
+    problem: Problem, task: Task, outcome: Found, made: Timetable, planning: Limits, limits: ScheduleLimits
+) -> list[Timetable]:
+    """The timetables of a plan that does without spare means, and of plans in which other arms do what it does.
+
+    None if the plan that was found cannot be done sooner so.
+    """
+    fewer = None
+    if not made.schedule.proved if made.scope != BLOCKS else len(arms_in(problem, outcome.plan)) > 1:
+        fewer = with_one_of_each(problem, task, outcome, planning)
+    timed_ = [] if fewer is None else [timed(problem, task, fewer, limits)]
+    shared = (by_other_hands(problem, task, each, limits) for each in (outcome.plan, fewer) if each)
+    return [*(each for each in timed_ if isinstance(each, Timetable)), *(t for each in shared for t in each)]
 
 
 def value_of(made: Timetable) -> tuple[int, ...]:
@@ -127,7 +127,7 @@ def timed(
     except Unstructured as error:
         return _as_given(problem, _sound(gate, problem, plan), str(error), wishes)
     steps = Steps(problem, task, plan, operators, goals, wishes)
-    made = _by_blocks(gate, steps, limits)
+    made = by_blocks(gate, steps, limits)
     if not isinstance(made, str):
         return made
     plan = _sound(gate, problem, plan)
@@ -204,76 +204,9 @@ def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: in
     return kept(problem, plan, wishes, said) if wishes.any else in_its_order(problem, plan, said, bound)
 
 
-def _by_blocks(gate: PlanGate, steps: Steps, limits: ScheduleLimits) -> Timetable | Infeasible | GaveUp | str:
-    """The schedule of the blocks of a plan, or why there is none; none is longer than the plan in its own order."""
-    problem, wishes = steps.problem, steps.wishes
-    if problem.domain.quantities:
-        return "steps change quantities, so that their order counts"
-    subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
-    try:
-        work = cell_work(steps.task, steps.operators, steps.goals, subjects, wishes)
-        found = schedule(work.shop, limits)
-        if isinstance(found, Scheduled):
-            made = _as_plan(gate, steps, work, found)
-            longer = not wishes.any and made.schedule.makespan > makespan(steps.plan)
-            return "as blocks they take longer" if longer else made
-        return found if _dwells(work.shop) else found.reason
-    except (Unstructured, Mislaid) as error:
-        return str(error)
-
-
 def _sound(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
     """A plan as it may be given out. Raises `InvalidInput` if the checker refuses it."""
     settled, wrong = gate.settled(problem, plan)
     if wrong:
         raise InvalidInput(wrong)
     return settled
-
-
-def _dwells(shop: Shop) -> bool:
-    return any(window.most is not None for window in shop.windows)
-
-
-def _as_plan(gate: PlanGate, steps: Steps, work: CellWork, found: Scheduled) -> Timetable:
-    """The schedule as a plan that the checker accepts. Raises `Mislaid`."""
-    made = timed_steps(steps.task, work, found.schedule)
-    plan = deorder(steps.task, [s.operator for s in made], steps.goals, [s.start for s in made])
-    starts = {step.id: each.start for step, each in zip(plan.steps, made, strict=True)}
-    if wrong := gate.findings(steps.problem, plan):
-        raise Mislaid(wrong[0].message)
-    _require_order(plan, starts, made)
-    settled = replace(found.schedule, units=units(work, found.schedule))
-    return Timetable(plan, starts, work.shop, settled, BLOCKS, statistics=found.statistics)
-
-
-def _require_order(plan: Plan, starts: Mapping[StepId, int], steps: Sequence[TimedStep]) -> None:
-    """Check that every step starts only after all steps that it waits for have ended. Raises `Mislaid`."""
-    ends = {made.id: step.end for made, step in zip(plan.steps, steps, strict=True)}
-    for step in plan.steps:
-        if any(ends[before] > starts[step.id] for before in step.after):
-            raise Mislaid(f"{step.operator} starts before a step that it waits for has ended")
-
-
-def operators_of(task: Task, plan: Plan) -> tuple[list[GroundOperator], Bits]:
-    """The ground operators of a plan's steps in its order, without conditional effects, and the goal that they reach.
-
-    Every stage is reached as early as possible.
-    """
-    found = replayed(task, instances(task), task.initial, [step.operator for step in plan.steps])
-    if found is None:
-        raise Unstructured("a step cannot be followed")
-    state = task.initial
-    for operator in found:
-        state = task.after(state, operator)
-    met = next((goal for goal in task.goals if _visible(task, goal) & ~state == 0), None)
-    if met is None:
-        raise Unstructured("the goals are reached in a way that cannot be followed")
-    needed = reached_goals(task, state) if task.axioms else met
-    steps, goals = joined(task, plainly(task, found), _visible(task, met if needed is None else needed))
-    return steps, _visible(task, goals)
-
-
-def _visible(task: Task, goal: Bits) -> Bits:
-    """A goal without the internal atoms that grounding has added, except those of stages."""
-    hidden = [n for n, atom in enumerate(task.atoms) if atom.name.startswith("_") and atom.name != STAGE]
-    return goal & ~bitset(hidden)

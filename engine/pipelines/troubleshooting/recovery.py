@@ -10,7 +10,6 @@ from engine.model.cases import Prepared, Revision
 from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, Outcome
 from engine.pipelines.attainment import GivenUp
-from engine.pipelines.inspection.keeping import told_of_losses
 from engine.pipelines.inspection.progress import Progress
 from engine.pipelines.planning import LARGE
 from engine.pipelines.revision import Course, planned_anew, revise
@@ -108,4 +107,6 @@ def told(found: Recovery, problem: Problem, lost: Collection[str], store: str) -
     """The recovery with the kept sequence of the problem from `store`, after its update by what was lost."""
     if not lost:
         return found
+    from engine.pipelines.parts.keeping import told_of_losses  # slow to load, and only a store needs it
+
     return replace(found, sequence=told_of_losses(store, problem.replace(found.problem.initial), lost))

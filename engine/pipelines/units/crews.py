@@ -12,17 +12,23 @@ J = TypeVar("J")
 R = TypeVar("R")
 
 
-def crew_of(processes: int, cluster: str = "") -> Crew:
+def crew_of(processes: int, cluster: str = "", modules: Sequence[str] = ()) -> Crew:
     """The workers of a cluster if there is the address of one, else so many processes of this machine.
 
-    Raises `InvalidInput` if nobody answers at the address.
+    These begin at once to load `modules`, which units need. Raises `InvalidInput` if nobody answers at the address.
     """
     if cluster:
         from engine.pipelines.units.cluster import require_open
 
         require_open(cluster)
         return Cluster(cluster)
-    return Alone() if processes == 1 else Processes(processes)
+    if processes == 1:
+        return Alone()
+    if modules:
+        from engine.pipelines.units.pool import loading
+
+        loading(modules)
+    return Processes(processes)
 
 
 @dataclass(frozen=True, slots=True)

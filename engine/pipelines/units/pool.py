@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, wait
+from multiprocessing import forkserver
 from multiprocessing.synchronize import Event
 from typing import Any
 
@@ -14,7 +15,14 @@ from engine.pipelines.units.guard import limited_memory, share
 from engine.pipelines.units.work import Kind, Unit, one
 
 ENDING = 0.5  # seconds that processes may take to end their searches
-SPAWN = multiprocessing.get_context("spawn")
+FORKED = multiprocessing.get_context("forkserver")
+
+
+def loading(modules: Sequence[str]) -> None:
+    """Begin to load modules that units need, while this process goes on; all processes of later pools have them at once."""
+    forkserver.set_forkserver_preload([*modules])
+    with _deaf():
+        forkserver.ensure_running()
 
 
 @contextlib.contextmanager
@@ -30,18 +38,18 @@ def pool(processes: int) -> "Iterator[Pool]":
 
 
 class Pool:
-    """Processes, spawned, so that none inherits a connection or the lock of a thread. See `Hands`."""
+    """Processes, forked from a server without threads, so that none inherits a connection or a lock. See `Hands`."""
 
     deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)
     patience = 3
 
     def __init__(self, processes: int) -> None:
         self._processes = processes
-        self._stop = SPAWN.Event()
+        self._stop = FORKED.Event()
         self._pool = self._made()
 
     def _made(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self._processes, SPAWN, _listen, (self._stop, share(self._processes)))
+        return ProcessPoolExecutor(self._processes, FORKED, _listen, (self._stop, share(self._processes)))
 
     @property
     def width(self) -> int:
@@ -104,6 +112,7 @@ _STOPS: list[Event] = []  # in a process of the pool: the event that tells it to
 
 def _listen(stop: Event, megabytes: int) -> None:
     """In a process of the pool: stop its searches and its grounding when `stop` is set, and end with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server may have been started where Ctrl-C was heard
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _STOPS.append(stop)
     limited_memory(megabytes)

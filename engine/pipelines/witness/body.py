@@ -1,16 +1,24 @@
 """A cell that physics moves: what steps of the arm do in it, and whether that is what the facts say."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, MovedStep
+from engine.pipelines.moves.arms import arms_of
+from engine.pipelines.moves.hands import Where
+from engine.pipelines.moves.meetings import Encounters
+from engine.pipelines.moves.tracks import Moment, Passage, Rider, tracks
 from engine.pipelines.moves.walking import Walk, operation_of
+from engine.pipelines.simulator.unknown import Unknown
 from engine.pipelines.witness.sensing import reading
 from engine.pipelines.witness.servos import NEAR_M, value_of
 from engine.pipelines.witness.stage import SETTLE_S, Stage
+from engine.pipelines.witness.stopping import retreat
+from engine.pipelines.witness.touches import Stopped
 from engine.pipelines.witness.tree import hand_of, is_free
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
@@ -34,9 +42,15 @@ class Hindrance:
 class Body:
     """The physical cell of a run."""
 
-    def __init__(self, walk: Walk, start: Facts, hindrance: Hindrance = Hindrance()) -> None:
-        self.walk, self.cell, self.stage = walk, walk.cell, Stage(following(World.of(walk.cell), start))
-        self.hindrance = hindrance
+    def __init__(
+        self, walk: Walk, start: Facts, hindrance: Hindrance = Hindrance(), unknown: Unknown | None = None
+    ) -> None:
+        self.walk, self.cell, self.hindrance = walk, walk.cell, hindrance
+        self.unknown = unknown or Unknown(walk.cell)
+        whole = replace(walk.cell, bodies={**walk.cell.bodies, **self.unknown.bodies})
+        self.stage = Stage(following(World.of(whole), self.unknown.real(start)))
+        self._encounters = Encounters(walk.backend)
+        self._told: Mapping[str, Any] = {}
         self._failed: Facts | None = None
         self._way_in: Leg | None = None  # of a step that was stopped while the arm dragged something
         if hindrance.friction is not None:
@@ -52,15 +66,61 @@ class Body:
         operation = operation_of(self.cell, step)
         if operation is None:
             return True
-        self.walk.lying = self._lying(before)
-        moved = self.walk.step(Step(FIRST, step), operation, frozenset(before), frozenset(after))
+        believed, where = self.unknown.believed, self.walk.hands.where()
+        self.walk.lying, self._told = self._lying(before), {}
+        moved = self.walk.step(Step(FIRST, step), operation, believed(before), believed(after))
         if not isinstance(moved, MovedStep):
-            return False
+            return self._stopped_again()
         worlds = self._world(before), self._world(after)
-        self._way_in = self.stage.take(moved, *worlds, stops=True)
+        self.stage.guard = frozenset()
+        self._make_way(moved, step, believed(before), believed(after))
+        self.stage.guard = self.unknown.names
+        try:
+            self._way_in = self.stage.take(moved, *worlds, stops=True)
+        except Stopped as stopped:
+            retreat(self.stage, moved.legs, stopped, *worlds)
+            self._meets(stopped.body, where)
+            return False
         if self._way_in is not None:
             self.walk.hands.arrive(self._way_in.arm, self._way_in.path[0], None)
         return all(self._is_where(name, after) for name in self._moved(before, after))
+
+    def _make_way(
+        self, moved: MovedStep, step: Function, before: frozenset[Atom], after: frozenset[Atom]
+    ) -> None:
+        """Arms that rest in the way of a step go home first."""
+        arms = arms_of(self.cell, step, operation_of(self.cell, step))
+        others = [arm for arm in self.cell.arms if arm not in arms]
+        if not others:
+            return
+        one, other = (self.walk.room(facts).world for facts in (before, after))
+        now = {arm: self.walk.hands.now(arm) for arm in self.cell.arms}
+        starts = {**now, **{leg.arm: leg.path[0] for leg in reversed(moved.legs)}}
+        own = tracks([Moment(moved.step, one, other, moved, arms)], starts)
+        passages = [each for arm in arms for occupied in own[arm] for each in occupied.passages]
+        for arm in others:
+            rest = Passage(Rider(one, arm), now[arm][None])
+            if any(self._encounters.meet(rest, each) for each in passages):
+                way = self.walk.homeward(arm, before)
+                if way is not None:
+                    self.stage.go(way, self._world(before))
+
+    def _stopped_again(self) -> bool:
+        """A step has no motion: because of what was met, if something was."""
+        if met := min(self.unknown.met, default=""):
+            self._told = self.unknown.meets(met, self.stage.world)
+        return False
+
+    def _meets(self, body: str, where: Where) -> None:
+        """The arm has met a body, and is back where it was; from now on motions are found around it."""
+        self._told = self.unknown.meets(body, self.stage.world)
+        walk = Walk(self.walk.semantics, self.unknown.known, self.walk.backend, self.walk.seed)
+        walk.hands.put(where)
+        self.walk = walk
+
+    def met(self) -> Mapping[str, Any]:
+        """What has stopped the arm in the last step, as the data of a reply; empty if nothing has."""
+        return self._told
 
     def misfit(self, facts: Facts, before: Facts, after: Facts) -> int:
         """How many of the bodies that a step was to move are not as some facts say, `before` and `after` being those of the step.

@@ -5,45 +5,32 @@ The clock is virtual; a step lasts as long as the plan says.
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.walking import Walk
 from engine.pipelines.simulator import HiddenCell, Simulator, fault_base, number_of, settings_of
+from engine.pipelines.simulator.unknown import OPTIONS, moving_cell, unknown_of
 from engine.pipelines.witness.body import Body, Hindrance
 from engine.pipelines.witness.tree import is_free
 from engine.plugins import geometry_backend
 from engine.ports import DriverSetup
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.loader.cell import load_cell
 from kb.model.cell import Cell
-from kb.targets import CELL_FILE
 
 OWN = ("friction", "block", "stick")
 
 
 def physical(setup: DriverSetup) -> Simulator:
     """The physical cell for a run. Options beside those of the simulator: friction, block and stick. Raises `InvalidInput`."""
-    settings = settings_of(setup, OWN)
-    cell = _cell(setup.problem.domain.path)
+    settings, unknown = settings_of(setup, (*OWN, *OPTIONS)), unknown_of(setup.options, setup.problem)
+    cell = moving_cell(setup.problem.domain.path)
     hindrance = _hindrance(setup.options, cell)
     semantics = PlanGate().semantics(setup.problem)
     walk = Walk(semantics, cell, geometry_backend(), setup.seed)
-    body = Body(walk, semantics.initial(), hindrance)
+    body = Body(walk, semantics.initial(), hindrance, unknown)
     base = fault_base(setup.problem)
-    return Simulator(HiddenCell(setup.problem, base, settings.injections, setup.seed, body=body), settings)
-
-
-def _cell(domain: str) -> Cell:
-    path = Path(domain).with_name(CELL_FILE)
-    if not domain or not path.is_file():
-        hint = f"describe the cell in a {CELL_FILE} beside the domain"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"there is no {CELL_FILE}", hint)])
-    cell = load_cell(path)
-    if not cell.operations:
-        hint = "say what the arm does in a step under `operations:`, such as pick(Item, Place): {at: Place}"
-        raise InvalidInput([Diagnostic(Source(cell.path), "K405", "the cell declares no operations", hint)])
-    return cell
+    hidden = HiddenCell(setup.problem, base, settings.injections, setup.seed, body=body, unknown=unknown)
+    return Simulator(hidden, settings)
 
 
 def _hindrance(options: Mapping[str, str], cell: Cell) -> Hindrance:

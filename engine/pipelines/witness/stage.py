@@ -11,7 +11,7 @@ from engine.pipelines.moves.walking import operation_of
 from engine.pipelines.witness.model import GRIP_N, STEP_S, dragged_by_hand, quaternion, written
 from engine.pipelines.witness.servos import slipped, tolerance, tuned, value_of, weighed
 from engine.pipelines.witness.tools import Latches
-from engine.pipelines.witness.touches import Touches, allowed_in
+from engine.pipelines.witness.touches import Stopped, Touches, allowed_in
 from engine.pipelines.witness.tree import exchanged, hand_of, held_by, in_hand, in_hands, is_free
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
@@ -38,6 +38,7 @@ class Stage:
         self.touches = Touches(self.model, self.data, world)
         self.off_place, self.off_tip_m, self.step, self.allowed = 0.0, 0.0, 0, frozenset[str]()
         self.held: frozenset[str] = frozenset()
+        self.guard: frozenset[str] = frozenset()  # bodies that stop an arm which touches them
         self._drives: dict[str, float] = {}
         for arm, q in world.configurations.items():
             for joint, value in zip(world.cell.arms[arm].arm.joints, q, strict=True):
@@ -68,7 +69,7 @@ class Stage:
         """One step: its legs, and at the place what fingers and furniture do.
 
         If it `stops`, it ends where something that the arm drags does not come along, as at the limit of a force. The hand holds it
-        still, and the way that the arm came in by is left to go back.
+        still, and the way that the arm came in by is left to go back. Raises `Stopped`.
         """
         operation = operation_of(before.cell, step.operator)
         assert operation is not None
@@ -163,11 +164,19 @@ class Stage:
             self._strong(name, grips)
             self.aim(name, guide.upper if closed or grips else value_of(world, name))
 
+    def go(self, way: Leg, world: World) -> None:
+        """An arm goes along a way, with what it holds in a world."""
+        self.held, self.allowed = in_hands(world), frozenset()
+        self.follow(way)
+
     def back_out(self, way_in: Leg) -> None:
         """The arm goes back the way by which it came in, after the hand has let go."""
-        last = way_in.corners_s[-1]
-        out = replace(way_in, path=way_in.path[::-1], corners_s=last - way_in.corners_s[::-1])
-        self._follow(out, "", self.world, self.world)
+        seconds = way_in.corners_s[-1] - way_in.corners_s[::-1]
+        self.follow(replace(way_in, path=way_in.path[::-1], corners_s=seconds))
+
+    def follow(self, leg: Leg) -> None:
+        """The arm goes along a leg, and drags nothing."""
+        self._follow(leg, "", self.world, self.world)
 
     def _strong(self, finger: str, grips: bool) -> None:
         """A finger that grips presses with a force of its own; else its drive does what it can."""
@@ -190,6 +199,8 @@ class Stage:
             if leg.kind is LegKind.DRAG:
                 self.aim(drags, first + (last - first) * t / leg.seconds)
             self.tick()
+            if self.guard and (met := self.touches.met(self.guard, {*self.held, drags})):
+                raise Stopped(met, leg, t)
             if stops and slipped(held, self._seen_from(drags, leg.arm)):
                 self.aim(drags, self.value(drags))
                 return False

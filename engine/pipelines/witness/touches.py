@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from engine.model.moves import Leg
 from engine.pipelines.witness.tree import worn_by
 from engine.stages.geometry.world.model import World
 from kb.model.cell import Operation
@@ -22,6 +23,14 @@ class Touched:
     first: str
     second: str
     force_n: float
+
+
+class Stopped(Exception):
+    """An arm has met a body that it is guarded against, on a leg, so long after its start."""
+
+    def __init__(self, body: str, leg: Leg, at_s: float) -> None:
+        super().__init__(f"{leg.arm} has met {body}")
+        self.body, self.leg, self.at_s = body, leg, at_s
 
 
 class Touches:
@@ -49,6 +58,16 @@ class Touches:
             known = self._strongest.get(key)
             if abs(force[0]) >= LEAST_N and (known is None or force[0] > known.force_n):
                 self._strongest[key] = Touched(round(self._data.time, 3), *key, round(float(force[0]), 2))
+
+    def met(self, guard: Collection[str], along: Collection[str]) -> str:
+        """The first of some bodies that an arm, its hand, or what goes along with it touches now; empty if none."""
+        for number in range(self._data.ncon):
+            contact = self._data.contact[number]
+            names = [body_of(self._model, geom) for geom in contact.geom]
+            for one, other in (names, names[::-1]):
+                if one in guard and (other in along or self._arm_of(other)) and contact.dist < 0:
+                    return one
+        return ""
 
     def _is_strange(self, names: tuple[str, ...], held: Collection[str], allowed: Collection[str]) -> bool:
         """Whether one of two bodies is an arm's, and the other neither its own nor one that the step allows."""

@@ -5,6 +5,7 @@ A step is planned on what is believed, and carried out in what is there. Tests a
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -96,6 +97,10 @@ class PlacingCell:
         sighting = self.seen[move.part]
         assert isinstance(sighting, Located)
         return brought(sighting, carries, self.yard.pose(move.part, move.end))
+
+    def told(self) -> Mapping[str, Any]:
+        """Replies tell nothing beside their text."""
+        return {}
 
     def missing(self, looked_at: Sequence[str]) -> str:  # noqa: ARG002 - the domain has no conditions that are watched
         """The first of some facts that is not so; none is looked at here."""

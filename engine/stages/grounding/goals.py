@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
+from engine.model.stages import ENDS, MEETS
 from engine.model.task import Bits, GroundOperator
 from engine.stages.grounding.derived import Rules, Support
 from engine.stages.grounding.numbering import Numbering
@@ -50,12 +51,12 @@ class Goals:
         running, ended = 1 << self.first, 2 << self.first
         goal = ended | _joined([part[0] for part in self.parts if len(part) == 1], numbering)
         made = [replace(each, preconditions=each.preconditions | running) for each in operators]
-        made.append(GroundOperator(Function("_ends"), running, ended, running, cost=0))
+        made.append(GroundOperator(Function(ENDS), running, ended, running, cost=0))
         for place, number in enumerate(self._open):
             met = 4 << self.first + place
             goal |= met
             for way, support in enumerate(self.parts[number]):
-                name = Function("_meets", (Number(number), Number(way)))
+                name = Function(MEETS, (Number(number), Number(way)))
                 made.append(GroundOperator(name, numbering.bits(support) | ended, met, 0, cost=0))
         return [goal], made
 

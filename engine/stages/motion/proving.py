@@ -7,7 +7,7 @@ import numpy as np
 
 from engine.kernels.geometry.edges import free_edges
 from engine.kernels.geometry.proof import proved as proved_lines
-from engine.model.geometry import Floats
+from engine.model.geometry import Floats, Truths
 from engine.model.motion import FINEST_M, Blocked, Moved, Query
 from engine.ports import MotionGround
 from engine.stages.motion.reasons import failed
@@ -67,6 +67,16 @@ def with_proof(ground: MotionGround, found: Moved, margin_m: float) -> Moved:
     proof = ground.proof(margin_m, FINEST_M)
     proved = proved_lines(proof, found.path) == len(found.path) - 1
     return replace(found, proved=proved, stretches=proof.looked, refined=proof.refined)
+
+
+def unproved(ground: MotionGround, path: Floats, margin_m: float, finest_m: float) -> Truths:
+    """Which lines (m - 1,) of a path (m, k) are not proved to keep more than a margin everywhere."""
+    found, n = np.zeros(len(path) - 1, dtype=bool), 0
+    while n < len(found):
+        n += proved_lines(ground.proof(margin_m, finest_m), np.ascontiguousarray(path[n:]))
+        found[n : n + 1] = True
+        n += 1
+    return found
 
 
 def _first_touching(ground: MotionGround, path: Floats, margin_m: float) -> int | None:

@@ -3,7 +3,8 @@
 An even motion along straight lines is averaged over a window of `rise_s`, and the result over one of `jerk_s`. An average
 is never faster than what it averages. So if the even motion is within the speeds of the joints, so is the smooth one; the first
 window is long enough for their accelerations, the second for their jerks. The arm cuts each corner by a little: how much the
-planner allows is decided by a proof of the smooth path. Where it fails, the arm waits at the corner, at last for so long
+planner allows is decided by a proof of the smooth path: that it keeps clear, and that what touches by intention goes no
+deeper than it may. Where it fails, the arm waits at the corner, at last for so long
 that it rests there, and nothing is cut.
 """
 
@@ -14,6 +15,8 @@ import numpy as np
 
 from engine.model.geometry import Floats, Longs, Truths
 from engine.ports import MotionGround
+from engine.stages.motion.proving import unproved
+from engine.stages.motion.touching import too_deep
 from engine.stages.motion.trajectory import STILL, Limits
 from engine.stages.motion.upright import Level
 
@@ -120,34 +123,45 @@ def smoothed(path: Floats, limits: Limits, waits: Floats, slower: Floats) -> Smo
     return Smoothed(even(path, limits, waits * (rise + jerk), slower), rise, jerk)
 
 
-def certified(
-    ground: MotionGround,
-    path: Floats,
-    limits: Limits,
-    own: slice,
-    margin_m: float,
-    finest_m: float,
-    slower: Floats,
-    level: Level | None = None,
-) -> tuple[Smoothed, bool]:
-    """The smooth motion on a path (m, all joints) that is proved to keep clear, and whether it is.
+@dataclass(frozen=True, slots=True, eq=False)
+class Tube:
+    """What a motion must keep: more than `margin_m` on a ground, proved on stretches down to `finest_m`.
 
-    The arm's joints are `own`; each line takes so many times (m - 1,) as long as the joints need. With `level`, what is in hand
-    stays upright as well. If no other does, the motion
+    The pairs of `meeting`, which may touch, overlap by no more than `depth_m`. With `level`, what is in hand stays upright.
+    """
+
+    ground: MotionGround
+    margin_m: float
+    finest_m: float
+    meeting: MotionGround | None = None
+    depth_m: float = 0.0
+    level: Level | None = None
+
+    def left(self, chords: Floats, stray_m: float) -> Truths:
+        """Where a motion that is at most so far from its chords (n, k) is not proved to keep all this (n - 1,)."""
+        found = unproved(self.ground, chords, self.margin_m + stray_m, self.finest_m)
+        if self.meeting is not None:
+            found |= too_deep(self.meeting, chords, self.depth_m, stray_m)
+        if self.level is not None:
+            found |= ~self.level.holds(chords, self.ground.scene.joints)
+        return found
+
+
+def certified(tube: Tube, path: Floats, limits: Limits, own: slice, slower: Floats) -> tuple[Smoothed, bool]:
+    """The smooth motion on a path (m, all joints) that is proved to stay in a tube, and whether it is.
+
+    The arm's joints are `own`; each line takes so many times (m - 1,) as long as the joints need. If no other does, the motion
     that rests at each corner stays on the path.
     """
     levels = np.zeros(len(path), dtype=np.int64)
     for _ in range(ROUNDS):
         found = smoothed(path[:, own], limits, WAITS[levels], slower)
-        times = _moments(ground, found, limits, path[0], own)
+        times = _moments(tube.ground, found, limits, path[0], own)
         chords = _whole(path[0], own, found.at(times)[0])
-        stray = _stray(ground, limits, path[0], own, times)
-        near = _unproved(ground, chords, margin_m + stray, finest_m)
-        if level is not None:
-            near |= ~level.holds(chords, ground.scene.joints)
-        if not near.any():
+        left = tube.left(chords, _stray(tube.ground, limits, path[0], own, times))
+        if not left.any():
             return found, True
-        touched = _corners_near(found, times[:-1][near], times[1:][near])
+        touched = _corners_near(found, times[:-1][left], times[1:][left])
         if not (levels[touched] < len(WAITS) - 1).any():
             break
         levels[touched] = np.minimum(levels[touched] + 1, len(WAITS) - 1)
@@ -174,18 +188,6 @@ def _stray(ground: MotionGround, limits: Limits, like: Floats, own: slice, times
     lasts = float(times[1] - times[0])
     swing = _whole(np.zeros_like(like), own, limits.acceleration[None])[0]
     return ground.travel(np.zeros_like(like), swing * lasts**2 / 8.0)
-
-
-def _unproved(ground: MotionGround, chords: Floats, margin_m: float, finest_m: float) -> Truths:
-    """Which chords (n - 1,) of a path (n, k) are not proved to be clear."""
-    from engine.kernels.geometry.proof import proved
-
-    found, n = np.zeros(len(chords) - 1, dtype=bool), 0
-    while n < len(found):
-        n += proved(ground.proof(margin_m, finest_m), np.ascontiguousarray(chords[n:]))
-        found[n : n + 1] = True
-        n += 1
-    return found
 
 
 def _corners_near(found: Smoothed, begins_s: Floats, ends_s: Floats) -> Longs:

@@ -12,9 +12,10 @@ from itertools import pairwise
 import numpy as np
 
 from engine.kernels.geometry.proof import proved
-from engine.model.geometry import Contact, Floats
+from engine.model.geometry import Contact, Floats, Truths
 from engine.model.motion import FINEST_M
 from engine.ports import MotionGround
+from engine.stages.motion.proving import unproved
 
 FINEST = 1e-5  # the least share of a line that is looked at
 LOOKS = 4000  # configurations for one line
@@ -69,6 +70,21 @@ def touches(ground: MotionGround, path: Floats, allowed_m: float) -> tuple[Touch
         for pair, depth in sorted(seen.deepest.items())
         if depth > 0.0 or pair in seen.doubted
     )
+
+
+def too_deep(ground: MotionGround, path: Floats, allowed_m: float, stray_m: float) -> Truths:
+    """On which lines (m - 1,) of a path (m, k) some pair is not proved to overlap by no more than it may.
+
+    Every point of the motion that is meant may be so far (`stray_m`) from where it is on the path.
+    """
+    meeting_m = 2.0 * stray_m  # both bodies may be off
+    found = unproved(ground, path, meeting_m, max(FINEST_M, allowed_m / 5))
+    for n in np.nonzero(found)[0]:
+        seen = _Seen(allowed_m - meeting_m)
+        seen.note(ground.contacts(path[n]), 0.0)
+        _go_through(ground, path[n], path[n + 1], seen)
+        found[n] = bool(seen.doubted)
+    return found
 
 
 def _from_first_touch(ground: MotionGround, path: Floats, finest_m: float) -> Floats:

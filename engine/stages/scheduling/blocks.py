@@ -3,12 +3,13 @@
 Between its tasks the arm must be free. So removing needless orders alone would leave all its steps in one
 fixed order. Blocks are the smallest segments that can be moved as a whole (block deordering: Siddiqui &
 Haslum 2012). Some blocks serve an object of the workflow. Others only change a device (door, lid); the
-schedule makes these anew where they are needed.
+schedule makes these anew where they are needed. Several arms each have blocks of their own; a step of two arms is in a
+block of both.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
@@ -29,6 +30,7 @@ class Block:
     makes: tuple[Bits, ...]  # for each step, the atoms that were false and that it makes true
     subject: Term | None
     serves: bool  # whether it serves an object or a stage; else it only prepares a device
+    arms: tuple[Term, ...] = ()  # that are busy with it
 
     @property
     def duration(self) -> int:
@@ -51,43 +53,71 @@ def mentions(term: Term, part: Term) -> bool:
     )
 
 
-def arm_of(steps: Sequence[GroundOperator | Step]) -> Term:
-    """The resource that most steps hold. Raises `Unstructured` if no step holds a resource."""
-    held = Counter(resource for step in steps for resource in step.resources)
+def arm_of(steps: Sequence[GroundOperator | Step], subjects: Sequence[Term] = ()) -> Term:
+    """The resource that most steps hold, beside the objects that they serve. Raises `Unstructured` if no step holds one."""
+    held = Counter(each for step in steps for each in step.resources if each not in subjects)
     if not held:
         raise Unstructured("no step holds a resource")
     return min(held, key=lambda each: (-held[each], str(each)))
 
 
-def atoms_about(task: Task, term: Term) -> Bits:
-    """The atoms in which a term occurs, complements included."""
-    return bitset([number for number, atom in enumerate(task.atoms) if mentions(atom, term)])
+def arms_of(steps: Sequence[GroundOperator], subjects: Sequence[Term] = ()) -> tuple[Term, ...]:
+    """The resource that most steps hold, and those that do the same kinds of steps in its place. Raises `Unstructured`."""
+    return arms_to(steps, steps, subjects)
 
 
-def cut(task: Task, steps: Sequence[GroundOperator], arm: Term, subjects: Sequence[Term]) -> list[Block]:
-    """The blocks of a plan in its order; a step without the arm is its own block. Raises `Unstructured`."""
-    about = atoms_about(task, arm)
-    home = home_state(task, steps, arm)
-    if task.initial & about != home:
-        raise Unstructured(f"{arm} is not free at the start")
+def arms_to(
+    steps: Sequence[GroundOperator], able: Iterable[GroundOperator], subjects: Sequence[Term] = ()
+) -> tuple[Term, ...]:
+    """The resource that most steps hold, and those that can do the same kinds of steps, as operators in `able` say.
+
+    `subjects` are the objects that steps serve, which are no arms. Raises `Unstructured`.
+    """
+    first = arm_of(steps, subjects)
+    kinds = {kind for step in steps for kind, each in _held(step) if each == first}
+    others = {each for step in able for kind, each in _held(step) if kind in kinds} - {first, *subjects}
+    return (first, *sorted(others, key=str))
+
+
+def _held(step: GroundOperator) -> Iterator[tuple[tuple[str, int], Term]]:
+    """The resources among the arguments of a step, each with the name of the operator and its place there."""
+    for place, each in enumerate(step.instance.arguments):
+        if each in step.resources:
+            yield (step.instance.name, place), each
+
+
+def atoms_about(task: Task, *terms: Term) -> Bits:
+    """The atoms in which one of some terms occurs, complements included."""
+    return bitset([n for n, atom in enumerate(task.atoms) if any(mentions(atom, each) for each in terms)])
+
+
+def cut(
+    task: Task, steps: Sequence[GroundOperator], arms: Sequence[Term], subjects: Sequence[Term]
+) -> list[Block]:
+    """The blocks of a plan in the order in which they begin; a step without an arm is its own block. Raises `Unstructured`."""
+    about = {arm: atoms_about(task, arm) for arm in arms}
+    home = {arm: home_state(task, steps, arm) for arm in arms}
+    for arm in arms:
+        if task.initial & about[arm] != home[arm]:
+            raise Unstructured(f"{arm} is not free at the start")
     stages = bitset([number for number, atom in enumerate(task.atoms) if atom.name == STAGE])
-    found: list[list[_Done]] = []
-    unfinished: list[_Done] = []
+    found: list[_Segment] = []
+    busy: dict[Term, _Segment] = {}
     state = task.initial
     for step in steps:
         after = progress(state, step)
         done = _Done(step, state & ~after, after & ~state)
         state = after
-        if arm not in step.resources:
-            found.append([done])
-            continue
-        if not unfinished:
-            found.append(unfinished)
-        unfinished.append(done)
-        if state & about == home:
-            unfinished = []
-    if unfinished:
-        raise Unstructured(f"{arm} is not free at the end")
+        own = [arm for arm in arms if arm in step.resources]
+        now = _joined(found, [busy[arm] for arm in own if arm in busy])
+        now.done.append(done)
+        now.arms.update(dict.fromkeys(own))
+        busy |= dict.fromkeys(now.arms, now)
+        if all(state & about[arm] == home[arm] for arm in now.arms):
+            for arm in now.arms:
+                del busy[arm]
+    if busy:
+        raise Unstructured(f"{min(map(str, busy))} is not free at the end")
     return [_block(each, subjects, stages) for each in found]
 
 
@@ -96,6 +126,25 @@ class _Done:
     step: GroundOperator
     ends: Bits
     makes: Bits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Segment:
+    """Steps of the plan that may become a block, and the arms that do them."""
+
+    done: list[_Done] = field(default_factory=list)
+    arms: dict[Term, None] = field(default_factory=dict)
+
+
+def _joined(found: list[_Segment], open_: Sequence[_Segment]) -> _Segment:
+    """The segment that goes on: a new one, or the one that is open. Raises `Unstructured` if there are several."""
+    several = list(dict.fromkeys(open_))
+    if not several:
+        found.append(_Segment())
+        return found[-1]
+    if len(several) > 1:
+        raise Unstructured("two arms are busy with other steps when they meet")
+    return several[0]
 
 
 def home_state(task: Task, steps: Sequence[GroundOperator], arm: Term) -> Bits:
@@ -109,7 +158,8 @@ def home_state(task: Task, steps: Sequence[GroundOperator], arm: Term) -> Bits:
     return max(seen, key=lambda each: (seen[each], -each))
 
 
-def _block(done: Sequence[_Done], subjects: Sequence[Term], stages: Bits) -> Block:
+def _block(segment: _Segment, subjects: Sequence[Term], stages: Bits) -> Block:
+    done = segment.done
     mentioned = [s for s in subjects if any(mentions(each.step.instance, s) for each in done)]
     if len(mentioned) > 1:
         raise Unstructured(f"{' and '.join(map(str, mentioned))} are moved by one block")
@@ -120,6 +170,7 @@ def _block(done: Sequence[_Done], subjects: Sequence[Term], stages: Bits) -> Blo
         tuple(each.makes for each in done),
         mentioned[0] if mentioned else None,
         bool(mentioned) or reaches,
+        tuple(segment.arms),
     )
 
 

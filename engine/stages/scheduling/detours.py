@@ -86,7 +86,7 @@ def _joined(blocks: Sequence[Block], first: int, second: int, minded: Bits) -> l
             changed |= bits & minded
     steps = one.steps[:-1] + other.steps[1:]
     ends, makes = one.ends[:-1] + other.ends[1:], one.makes[:-1] + other.makes[1:]
-    joined = Block(steps, ends, makes, one.subject, True)
+    joined = Block(steps, ends, makes, one.subject, True, one.arms)
     if not any(bits & changed for bits in (*other.ends[1:], *other.makes[1:])):
         return [*blocks[:first], joined, *between, *blocks[second + 1 :]]
     if not any(bits & changed for bits in (*one.ends[:-1], *one.makes[:-1])):

@@ -43,24 +43,34 @@ class Mechanism:
 
 
 def mechanisms(
-    task: Task, arm: Term, blocks: Sequence[Block], goals: Bits, place: Place
+    task: Task, arms: Sequence[Term], blocks: Sequence[Block], goals: Bits, place: Place
 ) -> tuple[Mechanism, ...]:
     """The devices that the blocks of a plan need.
 
-    The arm alone changes each of them. Raises `Unstructured`.
+    One arm alone changes each of them: the first that can. Raises `Unstructured`.
     """
-    about = atoms_about(task, arm)
     prepared = 0
     for step in (step for block in blocks if not block.serves for step in block.steps):
-        if arm not in step.resources:
+        if not any(arm in step.resources for arm in arms):
             raise Unstructured(f"{step.instance} serves no object of the workflow")
         prepared |= touched(step)
-    operators = [o for o in task.operators if arm in o.resources and touched(o) & ~(prepared | about) == 0]
+    every = atoms_about(task, *arms)
     found: list[Mechanism] = []
-    for atoms in _components([touched(each) & ~about for each in operators]):
-        own = [each for each in operators if touched(each) & atoms]
-        name = _name(own, arm, [each.device.name for each in found])
-        found.append(_Finder(task, atoms, about, own, place).mechanism(name, str(arm), blocks, goals))
+    for arm in arms:
+        about = atoms_about(task, arm)
+        able = [
+            each
+            for each in task.operators
+            if arm in each.resources
+            and not touched(each) & ~(prepared | every)
+            and not (each.preconditions | each.adds) & every & ~about
+        ]
+        for atoms in _components([touched(each) & ~every for each in able]):
+            if any(atoms & each.atoms for each in found):
+                continue
+            own = [each for each in able if touched(each) & atoms]
+            name = _name(own, arm, [each.device.name for each in found])
+            found.append(_Finder(task, atoms, about, own, place).mechanism(name, str(arm), blocks, goals))
     return tuple(found)
 
 

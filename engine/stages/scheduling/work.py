@@ -13,7 +13,7 @@ from functools import cached_property
 
 from engine.model.shop import Hold, Job, Resource, Shop, Stage, Window, in_order
 from engine.model.task import Bits, GroundOperator, Task, bitset, indices
-from engine.stages.scheduling.blocks import Block, arm_of, atoms_about, cut, mentions
+from engine.stages.scheduling.blocks import Block, arms_of, atoms_about, cut, mentions
 from engine.stages.scheduling.detours import necessary, straightened
 from engine.stages.scheduling.places import Exchange, Touch, holds_of
 from engine.stages.scheduling.settings import Mechanism, mechanisms
@@ -43,9 +43,9 @@ class Wishes:
         """Whether anything is wished."""
         return any((self.travel, self.longest_stay, self.release, self.due, self.windows))
 
-    def place(self, instance: Function, resources: Sequence[Term], arm: Term) -> Term | None:
+    def place(self, instance: Function, resources: Sequence[Term], *arms: Term) -> Term | None:
         """Where a step is done: the first of its terms that is a stop."""
-        terms = (*instance.arguments, *(each for each in resources if each != arm))
+        terms = (*instance.arguments, *(each for each in resources if each not in arms))
         return next((term for term in terms if term in self.stops), None)
 
 
@@ -103,34 +103,37 @@ class _Assembly:
             windows += [w for atom, hold in found for w in self._stay(atom, hold)]
         holds += self._shared_resources(tuple(places.values()))
         windows += self._links()
-        resources = [self._arm_resource(), *(self._resource(each, places) for each in _resources(holds))]
+        resources = [
+            *map(self._arm_resource, self.arms),
+            *(self._resource(each, places) for each in _resources(holds)),
+        ]
         devices = tuple(each.device for each in self.mechanisms)
         shop = Shop(self.jobs, tuple(resources), tuple(dict.fromkeys(windows)), tuple(holds), devices)
         known = {each.device.name: each for each in self.mechanisms}
         return CellWork(shop, self.named, known, visits, places)
 
     @cached_property
-    def arm(self) -> Term:
-        return arm_of(self.steps)
+    def arms(self) -> tuple[Term, ...]:
+        return arms_of(self.steps, self.subjects)
 
     @cached_property
     def cut(self) -> tuple[Block, ...]:
         """The blocks of the plan in its order, without those that are not necessary."""
-        blocks = cut(self.task, self.steps, self.arm, self.subjects)
+        blocks = cut(self.task, self.steps, self.arms, self.subjects)
         return tuple(necessary(self.task, blocks, self.goals))
 
     @cached_property
     def named(self) -> dict[str, Block]:
         """The blocks that serve an object or a stage, without detours, by the name of the stage they become."""
         places = bitset(list(self._held(self._touches(_named(self.cut)))))
-        return _named(straightened(self.cut, places | atoms_about(self.task, self.arm)))
+        return _named(straightened(self.cut, places | atoms_about(self.task, *self.arms)))
 
     @cached_property
     def mechanisms(self) -> tuple[Mechanism, ...]:
-        return mechanisms(self.task, self.arm, self.cut, self.goals, self._place)
+        return mechanisms(self.task, self.arms, self.cut, self.goals, self._place)
 
     def _place(self, step: GroundOperator) -> str:
-        found = self.wishes.place(step.instance, step.resources, self.arm)
+        found = self.wishes.place(step.instance, step.resources, *self.arms)
         return "" if found is None else str(found)
 
     @cached_property
@@ -138,9 +141,8 @@ class _Assembly:
         found: dict[Term | None, list[Stage]] = {}
         for name, block in self.named.items():
             needs = tuple(need for each in self.mechanisms for need in each.needs(block))
-            by_arm = self.arm in block.steps[0].resources
-            ends = (self._place(block.steps[0]), self._place(block.steps[-1])) if by_arm else ("", "")
-            stage = Stage(name, block.duration, (str(self.arm),) if by_arm else (), needs, *ends)
+            ends = (self._place(block.steps[0]), self._place(block.steps[-1])) if block.arms else ("", "")
+            stage = Stage(name, block.duration, tuple(map(str, block.arms)), needs, *ends)
             found.setdefault(block.subject, []).append(stage)
         ordered = [each for each in (*self.subjects, None) if each in found]
         return tuple(self._job(subject, tuple(found[subject])) for subject in ordered)
@@ -161,7 +163,7 @@ class _Assembly:
         return self._touches(self.named)
 
     def _touches(self, named: Mapping[str, Block]) -> dict[int, list[Touch]]:
-        private = atoms_about(self.task, self.arm)
+        private = atoms_about(self.task, *self.arms)
         for each in self.mechanisms:
             private |= each.atoms
         found: dict[int, list[Touch]] = defaultdict(list)
@@ -228,7 +230,7 @@ class _Assembly:
 
     def _shared_resources(self, pools: Sequence[tuple[Term, ...]]) -> Iterator[Hold]:
         """Holds of other resources that steps of several objects use, if no place keeps these steps apart."""
-        kept = {self.arm, *self.subjects, *itertools.chain(*pools)}
+        kept = {*self.arms, *self.subjects, *itertools.chain(*pools)}
         users: dict[Term, list[Touch]] = defaultdict(list)
         for name, block in self.named.items():
             for step, begin, end in block.timed:
@@ -250,9 +252,9 @@ class _Assembly:
                 if one.job != other.job and changes:
                     yield Window(one.last, other.first)
 
-    def _arm_resource(self) -> Resource:
+    def _arm_resource(self, arm: Term) -> Resource:
         travel = {(str(a), str(b)): lasts for (a, b), lasts in self.wishes.travel.items()}
-        return Resource(str(self.arm), 1, travel)
+        return Resource(str(arm), 1, travel)
 
     def _resource(self, name: str, places: Mapping[str, tuple[Term, ...]]) -> Resource:
         units = tuple(map(str, sorted(places.get(name, ()), key=natural_key)))

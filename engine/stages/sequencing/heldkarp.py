@@ -76,23 +76,11 @@ def bound(
     interrupted: Interrupted = never,
     effort: int = EFFORT,
     opened: bool = False,
-) -> int:
-    """A lower bound on all closed tours, as `raised` finds it. If it is interrupted, it has no time for a bound on many cities: 0."""
-    return raised(costs, near, tour, interrupted, effort, opened)[0]
-
-
-def raised(
-    costs: Costs,
-    near: Ints,
-    tour: Ints,
-    interrupted: Interrupted = never,
-    effort: int = EFFORT,
-    opened: bool = False,
 ) -> tuple[int, Floats]:
     """A lower bound on all closed tours of n >= 8 cities, and penalties (n,) that were found last.
 
     `near` (n, k) are candidates, `tour` is a good tour. The last city of an `opened` tour is no place: it stands for its ends.
-    `effort` is the number of cities that are looked at.
+    `effort` is the number of cities that are looked at. If it is interrupted, it has no time for a bound on many cities: 0.
     """
     n, upper, best = len(costs), costs.of_tour(tour), -np.inf
     costs = costs.tabled()

@@ -116,13 +116,14 @@ def _plain(problem: TourProblem, limits: Limits, method: str, begun: tuple[int, 
     near = symmetric.candidates(costs, _positions(problem) if circle else None, limits.interrupted)
     provable = n <= PROVABLE or method == "exact"
     quick = symmetric.search(costs, start, replace(limits, work=1), near)
-    lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted, opened=not circle)
+    opened = not circle
+    lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted, opened=opened)[0]
     found = symmetric.search(costs, quick.order, limits, near)
     made = _made(problem, found.order, found.work, method)
     if provable:
         return _bounded(problem, made, costs, extra, limits)
     if limits.sharp and not limits.interrupted() and found.cost - lower > CLOSE * found.cost:
-        lower = max(lower, heldkarp.bound(costs, near, found.order, limits.interrupted, LATER, not circle))
+        lower = max(lower, heldkarp.bound(costs, near, found.order, limits.interrupted, LATER, opened)[0])
     return replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
 
 
@@ -248,7 +249,7 @@ def _lower(
     if not provable or len(costs) < FEW or upper - found[0] <= CLOSE * upper or limits.interrupted():
         return found
     near = symmetric.candidates(costs, None, limits.interrupted)
-    _, penalties = heldkarp.raised(costs, near, tour, limits.interrupted, opened=opened)
+    _, penalties = heldkarp.bound(costs, near, tour, limits.interrupted, opened=opened)
     again = symmetric.bound(matrix, upper, steps, limits.interrupted, penalties)
     return max(found, again, key=lambda each: each[0])
 

@@ -2,9 +2,11 @@
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from engine.formats.interop.inspections import import_file
 from engine.model.outcome import Found
 from engine.model.windows import visits_of
 from engine.pipelines.inspection.demands import Demands, as_facts
@@ -138,3 +140,17 @@ def test_one_measurement_is_made_by_an_arm_that_reaches_it() -> None:
         run = plan(replace(asked, statics=(*asked.statics, within(arm, "m6"))))
         assert isinstance(run.outcome, Found)
         assert {str(step.resources[-1]) for step in run.outcome.plan.steps} == {arm}
+
+
+def test_an_import_says_which_arms_can_make_each_point_and_leaves_out_what_none_reaches(
+    tmp_path: Path,
+) -> None:
+    rows = [
+        f"{name},{x},{y},0,0,0,-1,thickness" for name, x, y in (("a", 0, -900), ("b", 0, 900), ("c", 0, 4000))
+    ]
+    (tmp_path / "points.csv").write_text("\n".join(["name,x,y,z,nx,ny,nz,kind", *rows]) + "\n")
+    _, parts, text = import_file(tmp_path / "points.csv", "halves")
+    assert parts.groups == {"east_probe or west_probe": ("a", "b")}
+    assert parts.impossible["c"].startswith("west: ")
+    assert "meas(b)" in text
+    assert "meas(c)" not in text

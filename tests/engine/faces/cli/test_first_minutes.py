@@ -32,7 +32,7 @@ EVERY = dict(commands())
 
 
 def printed(*words: str) -> str:
-    return CliRunner(env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"}).invoke(app, list(words)).stdout
+    return CliRunner(env={"COLUMNS": "80"}).invoke(app, list(words)).stdout
 
 
 def test_every_verb_stands_under_one_heading() -> None:

@@ -16,7 +16,8 @@ from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.planning import problem_of
 from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Injection, Simulator
-from engine.pipelines.simulator.driver import Settings, fault_base
+from engine.pipelines.simulator.driver import fault_base
+from engine.pipelines.simulator.settings import Settings
 from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
 from kb.store.journal import Journal

@@ -9,7 +9,7 @@ from engine.pipelines.execution import reviewing
 from engine.pipelines.execution.choosing import exchanges
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import problem_of
-from engine.pipelines.simulator.driver import Settings
+from engine.pipelines.simulator.settings import Settings
 from kb.asp import ground_term
 from kb.model.plan import Step, StepId
 from kb.terms import Function

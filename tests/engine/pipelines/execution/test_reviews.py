@@ -13,7 +13,7 @@ from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.simulation import SymbolicWorld
 from engine.pipelines.simulator import HiddenCell, Simulator
-from engine.pipelines.simulator.driver import Settings
+from engine.pipelines.simulator.settings import Settings
 from kb.loader import bundled, load_problem
 from kb.model.problem import Problem
 from kb.store.journal import Journal

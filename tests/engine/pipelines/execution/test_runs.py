@@ -6,7 +6,7 @@ from engine.formats.report.narration import narrated
 from engine.model.execution import Order, RecordKind
 from engine.pipelines.execution import Given, Timed
 from engine.pipelines.simulator import Injection
-from engine.pipelines.simulator.driver import Settings
+from engine.pipelines.simulator.settings import Settings
 from tests.engine.pipelines.execution.cells import executed, planned
 
 PICK = "pick(probe_1, slot(drawer, 1))"

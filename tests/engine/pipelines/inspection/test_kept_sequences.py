@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from engine.faces.cli import app
 from engine.model.tour import cost_of, times_of, violations
-from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.inspection.losses import parted
 from engine.pipelines.inspection.progress import News, Progress, carried_on
+from engine.pipelines.parts.keeping import carry_on
 from engine.stages.sequencing import Limits
 from kb.diagnostics import InvalidInput
 from kb.loader import load

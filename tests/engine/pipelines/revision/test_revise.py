@@ -49,18 +49,8 @@ def assert_accounted_for(path: Path, done: tuple[StepId, ...], found: PlanRevisi
     assert sorted(kept + added) == now
 
 
-ANEW = [bundled("gauging/two_probes"), bundled("halves/six")]
-NO_REPAIR = pytest.mark.xfail(
-    reason="where several tools or arms may take a measurement, the rest is valid and planned anew", run=False
-)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, marks=NO_REPAIR if path in ANEW else ()) for path in PLANS],
-    ids=lambda path: f"{path.parts[-3]}-{path.stem}",
-)
+@pytest.mark.parametrize("path", PLANS, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
 @given(cut=st.floats(0, 1), acts=st.integers(0, 3), seed=st.integers(0, 2**20))
 @settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 def test_after_any_disturbance_the_revised_plan_is_valid(

@@ -10,8 +10,8 @@ from engine.faces.cli import app
 from engine.model.cases import Revision
 from engine.model.outcome import Found, Infeasible
 from engine.pipelines import planning
-from engine.pipelines.inspection.keeping import carry_on, told_of_losses
 from engine.pipelines.inspection.progress import News
+from engine.pipelines.parts.keeping import carry_on, told_of_losses
 from engine.pipelines.troubleshooting import after, recover
 from engine.pipelines.troubleshooting.recovery import rest_of
 from engine.stages.validation.semantics import Semantics

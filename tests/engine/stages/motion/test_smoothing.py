@@ -4,7 +4,8 @@ import numpy as np
 
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground
-from engine.stages.motion.smoothing import certified, smoothed
+from engine.stages.motion.smoothing import Smoothed, Tube, certified, smoothed
+from engine.stages.motion.touching import touches
 from engine.stages.motion.trajectory import Limits, fastest, least_times
 from tests.engine.stages.motion.conftest import arm_among, block
 
@@ -38,10 +39,10 @@ def test_with_whole_waits_it_stays_on_the_path() -> None:
 def test_a_corner_is_cut_only_as_far_as_nothing_is_touched() -> None:
     path = np.array([[0.0, 0.0], [0.0, 1.2], [1.3, 1.2], [1.3, 0.0]])
     free = Ground(BuiltinChecker(arm_among([])))
-    quick, proved = certified(free, path, LIMITS, slice(0, 2), 0.0, 1e-4, np.ones(3))
+    quick, proved = certified(Tube(free, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(3))
     assert proved
     tight = Ground(BuiltinChecker(arm_among([block("post", (1.35, 1.15), (0.5, 0.5))])))
-    slow, sure = certified(tight, path, LIMITS, slice(0, 2), 0.0, 1e-4, np.ones(3))
+    slow, sure = certified(Tube(tight, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(3))
     assert quick.duration_s <= slow.duration_s
     if sure:
         assert not tight.collides(slow.at(np.linspace(0, slow.duration_s, 3000))[0]).any()
@@ -59,3 +60,32 @@ def test_least_times_are_those_of_the_fastest_motion(rng: np.random.Generator) -
     found = least_times(first, second, LIMITS)
     one_by_one = [fastest(np.array(each), LIMITS).corners_s[-1] for each in zip(first, second, strict=True)]
     assert np.allclose(found, one_by_one, rtol=1e-9)
+
+
+def deepest(ground: Ground, found: Smoothed) -> float:
+    """How deep any pair overlaps on a smooth motion, looked at closely."""
+    q = found.at(np.linspace(0.0, found.duration_s, 400))[0]
+    return max((each.depth_m for one in q for each in ground.contacts(one)), default=0.0)
+
+
+def test_a_corner_of_a_path_that_touches_is_cut_only_as_deep_as_it_may_touch(
+    rng: np.random.Generator,
+) -> None:
+    """The cut is on the inside of a corner, so what is shallow on the path may be deep beside it."""
+    free, deeper, kept = Ground(BuiltinChecker(arm_among([]))), 0, 0
+    for _ in range(60):
+        path = rng.uniform(0.5, 1.5, 2) + np.cumsum(rng.uniform(-0.8, 0.8, (3, 2)), axis=0)
+        cut, _ = certified(Tube(free, 0.0, 1e-4), path, LIMITS, slice(0, 2), np.ones(2))
+        bent = cut.at(cut.corners_s[1:2])[0][0].cumsum()
+        tip = np.array([np.cos(bent).sum(), np.sin(bent).sum()]) + rng.uniform(-0.08, 0.08, 2)
+        meeting = Ground(BuiltinChecker(arm_among([block("post", (tip[0], tip[1]), (0.1, 0.1))])))
+        met = touches(meeting, path, 0.02)
+        if not met or not all(each.proved for each in met):
+            continue
+        deeper += deepest(meeting, cut) > 0.02
+        tube = Tube(free, 0.0, 1e-4, meeting, 0.02)
+        safe, proved = certified(tube, path, LIMITS, slice(0, 2), np.ones(2))
+        assert deepest(meeting, safe) <= 0.02 + 1e-9
+        kept += proved and safe.corners_s[-1] < fastest(path, LIMITS).corners_s[-1]
+    assert deeper
+    assert kept

@@ -6,7 +6,6 @@ from engine.model.measurements import is_shared
 from engine.pipelines.inspection.progress import News, Progress, carried_on, resources
 from engine.pipelines.points import with_places
 from engine.stages.sequencing import Limits
-from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.problem import Problem
 from kb.store.sequences import SequencePlan, Sequences
 
@@ -14,24 +13,31 @@ from kb.store.sequences import SequencePlan, Sequences
 def carry_on(
     store: str, problem: Problem, news: News = News(), limits: Limits = Limits(), anew: bool = False
 ) -> Progress:
-    """Bring the kept sequence of a problem up to date, or make one; `anew` forgets the kept one.
+    """Bring the kept sequence of a problem up to date, or make one; `anew` forgets the kept one. Raises `InvalidInput`.
 
-    Raises `InvalidInput`, for a problem too whose measurements several arms share.
+    Where several arms share the measurements, the answer is a `SharedProgress`.
 
     If another process has written the sequence in the meantime, the news is applied to what it wrote, so that nothing is
     lost.
     """
     problem = with_places(problem)
-    if is_shared(problem):
-        said, hint = "several arms share the measurements, and a kept sequence is of one", "leave --store out"
-        raise InvalidInput([Diagnostic(Source(problem.path), "K404", said, hint)])
     with Sequences(store) as sequences:
         while True:
             kept = sequences.of(problem.domain.name, problem.name)
             plan = SequencePlan(problem.domain.name, problem.name, version=kept.version if kept else 0)
-            progress = carried_on(plan if kept is None or anew else kept, problem, news, limits)
+            progress = _carried_on(plan if kept is None or anew else kept, problem, news, limits)
             if progress.plan == kept or sequences.keep(progress.plan):
                 return progress
+
+
+def _carried_on(plan: SequencePlan, problem: Problem, news: News, limits: Limits) -> Progress:
+    if not is_shared(problem):
+        return carried_on(plan, problem, news, limits)
+    from engine.pipelines.parts.kept_shares import (
+        shares_carried_on,
+    )  # slow to load, and one arm needs it never
+
+    return shares_carried_on(plan, problem, news, limits)
 
 
 def told_of_losses(store: str, problem: Problem, lost: Collection[str]) -> Progress | None:

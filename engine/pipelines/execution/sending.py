@@ -1,0 +1,45 @@
+"""A run with motion looks at each step before it is sent. In a run without motion, which has no paths, nothing of this happens."""
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
+
+from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.records import read_atom
+from engine.stages.execution import Activity, Standing
+from engine.stages.macros.lifted.world import StepChange
+from kb.terms import Atom
+
+if TYPE_CHECKING:
+    from engine.pipelines.execution.paths import Paths
+
+
+def refusal(
+    paths: "Paths | None",
+    facts: Collection[Atom],
+    compiled: Compiled,
+    standing: Standing,
+    number: int,
+    each: Activity,
+) -> str:
+    """Why a step has no motion in the cell as it is believed to be, as the command of that number; empty if it has one.
+
+    The commands that are before it in the queue of its device will have ended.
+    """
+    if paths is None:
+        return ""
+    before = frozenset(facts)
+    for _, running in sorted(standing.running.items()):
+        other = compiled.program.activities[running.activity]
+        if other.stream == each.stream and other.id != each.id:
+            before = _after(before, compiled.changes[other.id])
+    return paths.refusal(number, read_atom(each.action), before, _after(before, compiled.changes[each.id]))
+
+
+def _after(facts: frozenset[Atom], change: StepChange) -> frozenset[Atom]:
+    return (facts - frozenset(change.ends)) | frozenset(change.adds)
+
+
+def arms(paths: "Paths | None", number: int) -> dict[str, Any]:
+    """Where the arms are that a step has moved, as its record has it."""
+    found = paths.done(number) if paths is not None else {}
+    return {"arms": found} if found else {}

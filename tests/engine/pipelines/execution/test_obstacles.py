@@ -1,0 +1,182 @@
+"""Runs in which the arm meets what its model does not know: it joins the model, and another way or another plan is found, or told."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("numpy")
+
+from engine.model.execution import Finish, Record, RecordKind
+from engine.pipelines import objective
+from engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
+from engine.pipelines.execution.paths import Paths
+from engine.pipelines.moves.planning import plan_moving
+from engine.pipelines.moves.seen import Seen
+from engine.pipelines.planning import problem_of
+from engine.plugins import geometry_backend
+from engine.stages.planning import Limits
+from kb.diagnostics import InvalidInput
+from kb.loader.cell import cell_of
+from kb.model.problem import Problem
+from kb.model.shapes import Pose
+from tests.engine.pipelines.moves.test_moves import SUITS, kiln_room
+
+CRATE = "cell: surprise\nfixtures:\n  {name}: {{at: [{at}], shapes: [{{box: [{box}]}}]}}\n"
+
+
+class Killed(BaseException):
+    """The process is gone."""
+
+
+def room(folder: Path, brick: str = "shelf", suits: tuple[str, ...] = SUITS) -> str:
+    """The kiln room, with the brick believed to be somewhere."""
+    folder.mkdir(exist_ok=True)
+    kiln_room(folder, 1.5, suits)
+    path = folder / "problems" / "fire.yaml"
+    path.write_text(path.read_text().replace('"at(brick, top)"]\ngoals', f'"at(brick, {brick})"]\ngoals'))
+    return str(path)
+
+
+def crate(folder: Path, at: str, box: str, name: str = "crate") -> str:
+    path = folder / "crate.yaml"
+    path.write_text(CRATE.format(name=name, at=at, box=box))
+    return str(path)
+
+
+def wanted(folder: Path, target: str, **options: str) -> Wanted:
+    return Wanted(target, store=str(folder / "j.db"), options=options, motion=True)
+
+
+def executed(asked: Wanted, kill_after: int = 0, *seen: Seen) -> tuple[Finish, list[Record]]:
+    """The ending of a run with motion, and its records. It may be killed after so many steps and taken up again.
+
+    What was `seen` since the plan was made stands in the cell.
+    """
+    told = problem_of(asked.target)
+    moving = plan_moving(told, cell_of(asked.target), geometry_backend(), _planned)
+    assert moving.walk is not None
+    paths = Paths(moving.problem, moving.walk.cell, planned=moving.walk)
+    paths.sees(seen, frozenset())
+    entered, records, done = named(asked, told), list[Record](), 0
+
+    def heard(record: Any) -> None:
+        nonlocal done
+        records.append(record)
+        done += record.kind is RecordKind.DONE
+        if kill_after and done == kill_after:
+            raise Killed
+
+    scope = Scope(moving.problem, moving.given_up)
+    try:
+        ending = begin(entered, told, Timed(), [heard], table=moving.run.timetable, scope=scope, paths=paths)
+    except Killed:
+        ending = resume(entered.store, entered.run, Timed(), [records.append])
+    assert isinstance(ending, Finish)
+    return ending, records
+
+
+def _planned(problem: Problem) -> objective.Run:
+    return objective.plan(problem, Limits(20_000))
+
+
+def actions(records: list[Record]) -> list[str]:
+    return [each.content["action"] for each in records if each.kind is RecordKind.DONE]
+
+
+def corrections(records: list[Record]) -> list[dict[str, Any]]:
+    return [dict(each.content) for each in records if each.kind is RecordKind.WORLD]
+
+
+def test_what_is_met_joins_the_model_and_another_path_leads_around_it(tmp_path: Path) -> None:
+    target = room(tmp_path / "room")
+    free, _ = executed(wanted(tmp_path, target))
+    file = crate(tmp_path, "0.5, 0.0, 0.2", "0.06, 0.06, 0.4")
+    ending, records = executed(wanted(tmp_path, target, obstacles=file))
+    assert (free.outcome, free.exceptions) == ("reached", 0)
+    assert (ending.outcome, ending.exceptions) == ("reached", 1)
+    assert "the arm met crate; planned anew" in ending.story[0]
+    (seen,) = corrections(records)
+    assert seen["bodies"] == {
+        "crate": {"at": [0.5, 0.0, 0.2], "rpy": [0.0, 0.0, 0.0], "box": [0.06, 0.06, 0.4]}
+    }
+    assert actions(records) == ["pick(bolt, bench)", "put(bolt, kiln)"]
+    assert ending.makespan_ms > free.makespan_ms
+
+
+def test_a_known_body_that_stands_elsewhere_is_moved_first(tmp_path: Path) -> None:
+    target = room(tmp_path / "room")
+    ending, records = executed(wanted(tmp_path, target, really="at(brick, top); -at(brick, shelf)"))
+    assert ending.outcome == "reached"
+    (seen,) = corrections(records)
+    assert seen["adds"] == ["at(brick, top)", "free(shelf)"]
+    assert seen["ends"] == ["at(brick, shelf)", "free(top)"]
+    assert [each for each in actions(records) if "brick" in each] == ["pick(brick, top)", "put(brick, shelf)"]
+    assert actions(records)[-1] == "put(bolt, kiln)"
+
+
+def test_where_no_way_is_left_the_run_stops_with_the_reason(tmp_path: Path) -> None:
+    target = room(tmp_path / "room")
+    file = crate(tmp_path, "0.45, 0.2, 0.25", "0.2, 0.2, 0.1")
+    ending, _ = executed(wanted(tmp_path, target, obstacles=file))
+    assert ending.outcome == "stopped"
+    assert "put(bolt, kiln) has no motion" in ending.why
+    assert "crate" in ending.why
+
+
+def test_a_step_that_has_no_motion_any_more_is_not_sent(tmp_path: Path) -> None:
+    target = room(tmp_path / "room")
+    screen = Seen("screen", Pose((0.45, 0.2, 0.25)), (0.2, 0.2, 0.1))
+    ending, records = executed(wanted(tmp_path, target), 0, screen)
+    replies = [each.content for each in records if each.kind is RecordKind.REPLY]
+    assert [each["text"] for each in replies] == ["done", "no_motion"]
+    assert "screen" in replies[-1]["data"]["why"]
+    assert (ending.outcome, ending.steps) == ("stopped", 1)
+    assert ending.makespan_ms == next(each.at_ms for each in records if each.kind is RecordKind.DONE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [1, 2])
+def test_a_run_that_is_killed_knows_what_it_has_met_and_where_its_arm_is(steps: int, tmp_path: Path) -> None:
+    target = room(tmp_path / "room")
+    options = {"really": "at(brick, top); -at(brick, shelf)"}
+    whole, one = executed(wanted(tmp_path, target, **options))
+    ending, two = executed(wanted(tmp_path, target, **options), kill_after=steps)
+    assert actions(one) == actions(two)
+    assert (ending.outcome, ending.makespan_ms) == (whole.outcome, whole.makespan_ms)
+    arms = [[each.content["arms"] for each in found if each.kind is RecordKind.DONE] for found in (one, two)]
+    assert arms[0] == arms[1]
+
+
+def test_without_motion_a_run_stops_where_its_arm_meets_something(tmp_path: Path) -> None:
+    target = room(tmp_path / "room")
+    file = crate(tmp_path, "0.5, 0.0, 0.2", "0.06, 0.06, 0.4")
+    asked = Wanted(target, store=str(tmp_path / "j.db"), options={"obstacles": file})
+    told = problem_of(target)
+    ending = begin(named(asked, told), told, Timed())
+    assert isinstance(ending, Finish)
+    assert ending.outcome == "stopped"
+    assert "--motion" in ending.why
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ({"really": "at(brick, nowhere)"}, "K103"),
+        ({"really": "stands(brick)"}, "K101"),
+        ({"obstacles": "nothing.yaml"}, "K001"),
+        ({"obstacles": "oven"}, "K104"),
+        ({"obstacles": "empty"}, "K405"),
+    ],
+)
+def test_what_cannot_be_hidden_is_told(options: dict[str, str], code: str, tmp_path: Path) -> None:
+    target = room(tmp_path / "room")
+    if options.get("obstacles") == "oven":
+        options = {"obstacles": crate(tmp_path, "0, 0, 0", "1, 1, 1", name="oven")}
+    elif options.get("obstacles") == "empty":
+        (tmp_path / "empty.yaml").write_text("cell: surprise\n")
+        options = {"obstacles": str(tmp_path / "empty.yaml")}
+    asked, told = wanted(tmp_path, target, **options), problem_of(target)
+    with pytest.raises(InvalidInput) as error:
+        begin(named(asked, told), told, Timed())
+    assert [each.code for each in error.value.diagnostics] == [code]
