@@ -11,7 +11,7 @@ from engine.model.motion import FINEST_M, Moved, Query, Strategy
 from engine.pipelines.placing.answers import Carry, Leg, NotPlaced
 from engine.pipelines.placing.approaching import WayOut
 from engine.pipelines.placing.holding import HAND, Reach, with_hand
-from engine.pipelines.placing.task import Task
+from engine.pipelines.placing.task import UNKNOWN, Task
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.motion.planner import plan
 
@@ -63,20 +63,25 @@ def _reaches(
 ) -> tuple[Reach, ...]:
     """What the arm meets with the part where it lies (near, far), in the hand (near, far), and put down (near).
 
-    Far from what is taken or put down, it also keeps away from what is only seen.
+    It keeps away from what is only seen. Near what is taken or put down, the hand and the part may pass through the blocks that
+    stand for that: they are coarse, and holds were compared with all that is seen.
     """
-    world, crowded = (
-        with_hand(each, task.scene, task.holds.jaws, opening) for each in (task.world, task.crowded)
-    )
-    arm, (here, there), T_hand_part = task.scene.hand.arm, poses, inverse(T_part_hand)
-    held = frozenset([frozenset((HAND, task.part))])
+    crowded, arm = with_hand(task.crowded, task.scene, task.holds.jaws, opening), task.scene.hand.arm
+    (here, there), T_hand_part = poses, inverse(T_part_hand)
+    held = crowded.put(task.part, f"{arm}.tool", T_hand_part)
+    near = through_unknown(task)
     return (
-        Reach(world.put(task.part, "world", here), arm),
+        Reach(crowded.put(task.part, "world", here), arm, near),
         Reach(crowded.put(task.part, "world", here), arm),
-        Reach(world.put(task.part, f"{arm}.tool", T_hand_part), arm, touching(task)),
-        Reach(crowded.put(task.part, f"{arm}.tool", T_hand_part), arm, held),
-        Reach(world.put(task.part, "world", there), arm),
+        Reach(held, arm, touching(task) | near),
+        Reach(held, arm, frozenset([frozenset((HAND, task.part))])),
+        Reach(crowded.put(task.part, "world", there), arm, near),
     )
+
+
+def through_unknown(task: Task) -> frozenset[frozenset[str]]:
+    """The hand and the part may pass through the blocks for what is only seen."""
+    return frozenset(frozenset((each, UNKNOWN)) for each in (HAND, task.part))
 
 
 def straight(what: str, path: Floats, carries: bool, reach: Reach) -> Leg:

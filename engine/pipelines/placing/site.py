@@ -10,13 +10,11 @@ from engine.model.solid import Solid
 from engine.pipelines.placing.holding import Holds, holds_of
 from engine.pipelines.placing.looking import Looked, table_pose
 from engine.pipelines.placing.obstacles import Unknown
-from engine.pipelines.placing.task import USUAL, Manner, Task
+from engine.pipelines.placing.task import UNKNOWN, USUAL, Manner, Task
 from engine.stages.geometry.shapes.solids import solid_of
 from engine.stages.geometry.world.model import World
 from kb.model.cell import Body, BodyKind, Placement
 from kb.model.scene import Scene
-
-UNKNOWN = "unknown_things"  # the body that stands for all that is only seen
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,8 @@ from engine.pipelines.placing.obstacles import Unknown
 from engine.stages.geometry.world.model import World
 from kb.model.scene import Scene
 
+UNKNOWN = "unknown_things"  # the body that stands for all that is only seen
+
 
 class Coming(StrEnum):
     """How the hand comes to a grasp.

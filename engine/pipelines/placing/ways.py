@@ -11,7 +11,7 @@ from engine.model.geometry import Floats, Truths
 from engine.model.grasping import Placement as Lying
 from engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
 from engine.pipelines.placing.answers import Carry, NotPlaced
-from engine.pipelines.placing.carrying import carried
+from engine.pipelines.placing.carrying import carried, through_unknown
 from engine.pipelines.placing.holding import BACK_M, Reach, with_hand
 from engine.pipelines.placing.room import no_room
 from engine.pipelines.placing.task import Coming, Task
@@ -61,10 +61,11 @@ def reached(task: Task, T_world_part: Floats, which: Truths) -> Truths:
     """Which of some holds (h,) the arm reaches without touching anything, with the part at a pose."""
     found = which.copy()
     openings = [tuple(round(x, 6) for x in task.holds.grasps[n].opening) for n in task.holds.grasp_of]
-    world = task.world.put(task.part, "world", T_world_part)
+    world = task.crowded.put(task.part, "world", T_world_part)
     for opening in sorted({each for each, asked in zip(openings, which, strict=True) if asked}):
         mine = np.array([n for n in np.nonzero(which)[0] if openings[n] == opening])
-        reach = Reach(with_hand(world, task.scene, task.holds.jaws, opening), task.scene.hand.arm)
+        handed = with_hand(world, task.scene, task.holds.jaws, opening)
+        reach = Reach(handed, task.scene.hand.arm, through_unknown(task))
         found[mine] = _any_free(reach, T_world_part @ task.holds.poses[mine])
     return found
 
