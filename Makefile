@@ -59,7 +59,7 @@ $(PEERS)/ready: $(VENV)/ready
 	$(PYTHON) -m venv $(PEERS)
 	for each in up-fast-downward pyperplan up-enhsp cosmic-ray; do \
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check $$each || echo "$$each is left out"; done
-	for each in mujoco coal eaik coacd ompl; do \
+	for each in mujoco coal eaik coacd ompl open3d scikit-image; do \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt $$each || echo "$$each is left out"; done
 	touch $@
 

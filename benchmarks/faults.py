@@ -1,13 +1,13 @@
 """The fault matrix: every cause of a fault base, injected at every step where it can show; how each run ends.
 
-    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--jobs N] [--cluster ADDRESS] [--json FILE] [TARGET ...]
+    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--faults N] [--jobs N] [--cluster ADDRESS] [--json FILE] [TARGET ...]
 
 Without `--samples` the whole matrix; with it, so many runs in all, as many of each target. `--jobs` runs so many at the same
 time, `--cluster` has the workers of a cluster run them. `--second` injects another fault: anywhere in the run, at a step of the recovery from the
-first, or at a step that prepares a test or a repair. With `--json` what was run is kept there, and the next call goes on behind
+first, or at a step that prepares a test or a repair; `--faults 3` injects a third one, behind the second in the same way. With `--json` what was run is kept there, and the next call goes on behind
 it. The plan is made once; each run is in a simulated cell of its own, on the virtual clock. A run
-passes if it ends with the goals reached, also in the cell as it really is, or with a reason for each goal that is not, and if no
-command is carried out twice. Exits with 1 if one does not pass, or if the plan uses an operator that no exception is about.
+passes if it ends with the goals reached, also in the cell as it really is, or with a reason for each goal that is not, if no
+command is carried out twice, and if no two facts that are believed at once exclude each other. Exits with 1 if one does not pass, or if the plan uses an operator that no exception is about.
 """
 
 import argparse
@@ -19,7 +19,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -31,13 +31,14 @@ from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import read_atom
 from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import SymbolicWorld
+from engine.pipelines.simulation import Dynamics, SymbolicWorld, WorldState
 from engine.pipelines.simulator import HiddenCell, Injection, Simulator, possible
 from engine.pipelines.simulator.driver import fault_base
 from engine.pipelines.simulator.settings import Settings
 from engine.pipelines.units import Kind, Unit, carried_out, crew_of
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem
+from kb.terms import Atom
 
 TARGETS = ("themse/one", "bulkhead/twelve_points")
 
@@ -51,6 +52,21 @@ class Kept:
     def append(self, records: Sequence[Record]) -> None:
         """Append records."""
         self.records += records
+
+
+@dataclass
+class Watched(SymbolicWorld):
+    """A believed world that notes facts that exclude each other, whenever it is corrected."""
+
+    dynamics: Dynamics | None = None
+    wrong: list[str] = field(default_factory=list)
+
+    def become(self, state: WorldState) -> tuple[tuple[Atom, ...], tuple[Atom, ...]]:
+        """Take another state for true."""
+        assert self.dynamics is not None
+        pairs = ((each, self.dynamics.displaced(state.facts - {each}, (each,))) for each in state.facts)
+        self.wrong += [f"{each} beside {', '.join(map(str, others))}" for each, others in pairs if others]
+        return super().become(state)
 
 
 @dataclass(frozen=True)
@@ -87,23 +103,36 @@ class Setting:
         used = {each.operator.name for each in self.ready.plan.steps}
         return left, [each for each in left if each in used]
 
-    def run(self, faults: Sequence[Injection], seed: int) -> tuple[Finish, Kept, HiddenCell]:
+    def run(self, faults: Sequence[Injection], seed: int) -> "Ran":
         """One run with faults."""
         cell = HiddenCell(self.problem, self.base, tuple(faults), seed)
         driver, kept = Simulator(cell, Settings(seed)), Kept()
         run = Execution("x", self.problem, driver, Recorder(kept, driver.now_ms), Timed(), self.base)
-        return (
-            run.start(self.ready, SymbolicWorld.of(self.problem, situation_of(self.problem).state)),
-            kept,
-            cell,
-        )
+        world = Watched.of(self.problem, situation_of(self.problem).state)
+        world.dynamics = cell.dynamics
+        return Ran(run.start(self.ready, world), kept, cell, world)
 
 
-def fault_of(setting: Setting, ending: Finish, kept: Kept, cell: HiddenCell) -> str:
+@dataclass(frozen=True)
+class Ran:
+    """A run that has ended: how, its journal, the cell as it is, and the cell as it was believed to be."""
+
+    ending: Finish
+    kept: Kept
+    cell: HiddenCell
+    world: Watched
+
+
+def fault_of(setting: Setting, made: Ran) -> str:
     """What is wrong with a run; nothing if it passes."""
-    numbers = [each.content["command"] for each in kept.records if each.kind is RecordKind.COMMAND]
+    ending, cell = made.ending, made.cell
+    numbers = [each.content["command"] for each in made.kept.records if each.kind is RecordKind.COMMAND]
     if len(set(numbers)) < len(numbers):
         return "a command was sent twice"
+    if made.world.wrong:
+        return f"it believes {made.world.wrong[0]}"
+    if told := [each for each in (ending.why, *ending.story) if "contradicts itself" in each]:
+        return told[0]
     if ending.outcome == "reached":
         reached = all(cell.world.reached[c.name] == len(c.stages) for c in setting.problem.chains)
         return "" if reached else "it believes that all goals are reached, and they are not"
@@ -120,14 +149,14 @@ class Second(StrEnum):
 
 
 def second(
-    setting: Setting, fault: Injection, where: Second, chance: random.Random, seed: int
+    setting: Setting, faults: Sequence[Injection], where: Second, chance: random.Random, seed: int
 ) -> list[Injection]:
-    """Another fault for a run with a fault; none if there is no step where it could be."""
+    """Another fault for a run with some faults, behind the last of them; none if there is no step where it could be."""
     if where is Second.RUN:
         return [chance.choice(setting.matrix())]
-    records = setting.run([fault], seed)[1].records
-    told = next((r.number for r in records if r.kind is RecordKind.EXCEPTION), None)
-    if told is None:
+    records = setting.run(faults, seed).kept.records
+    told = [record.number for record in records if record.kind is RecordKind.EXCEPTION]
+    if len(told) < len(faults):
         return []
     times: Counter[str] = Counter()
     places: list[tuple[str, int]] = []
@@ -135,7 +164,7 @@ def second(
         if each.kind is RecordKind.COMMAND and each.content["command_kind"] == "step":
             times[each.content["action"]] += 1
             single = each.content["step"] is None
-            if each.number > told and single == (where is Second.TEST):
+            if each.number > told[len(faults) - 1] and single == (where is Second.TEST):
                 places.append((each.content["action"], times[each.content["action"]]))
     ways = [
         Injection(action, cause, time, exception)
@@ -149,8 +178,8 @@ def second(
 def tried(setting: Setting, faults: Sequence[Injection], seed: int) -> tuple[str, str]:
     """How a run with faults ends, and what is wrong with it; nothing if it passes."""
     try:
-        ending, kept, cell = setting.run(faults, seed)
-        return ending.outcome, fault_of(setting, ending, kept, cell)
+        made = setting.run(faults, seed)
+        return made.ending.outcome, fault_of(setting, made)
     except Exception as error:
         return "crashed", f"{type(error).__name__}: {str(error)[:160]}"
 
@@ -183,15 +212,17 @@ def chosen(setting: Setting, asked: argparse.Namespace, count: int | None) -> di
         faults = chance.sample(faults, min(count, len(faults)))
     elif count is not None:
         faults = chance.choices(faults, k=count)
-    return {f"{setting.target} {asked.second or ''} {asked.seed} {n} {f}": f for n, f in enumerate(faults)}
+    kind = f"{asked.second or ''}{asked.faults if asked.faults != 2 else ''}"
+    return {f"{setting.target} {kind} {asked.seed} {n} {f}": f for n, f in enumerate(faults)}
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A run of a setting, with a first fault and perhaps a second one. What it draws depends on its key only."""
+    """A run of a setting, with a first fault and perhaps others, `many` in all. What it draws depends on its key only."""
 
     setting: Setting
     where: Second | None
+    many: int
     seed: int
     key: str
     fault: Injection
@@ -201,9 +232,11 @@ def ran(sample: Sample, _interrupted: Interrupted) -> tuple[str, str]:
     """How the run ends, and what is wrong with it."""
     gc.set_threshold(100_000)
     chance = random.Random(sample.key)  # so that a campaign that goes on draws the same
-    where, seed = sample.where, sample.seed
-    more = second(sample.setting, sample.fault, where, chance, seed) if where else []
-    return tried(sample.setting, [sample.fault, *more], seed)
+    faults = [sample.fault]
+    for _ in range(sample.many - 1 if sample.where else 0):
+        assert sample.where is not None
+        faults += second(sample.setting, faults, sample.where, chance, sample.seed)
+    return tried(sample.setting, faults, sample.seed)
 
 
 def lost(_sample: Sample, why: str) -> tuple[str, str]:
@@ -218,7 +251,10 @@ def row(setting: Setting, asked: argparse.Namespace, count: int | None, tally: T
         print(f"  {setting.target}: no exception is about {', '.join(left)}", flush=True)
     began, faults = time.perf_counter(), chosen(setting, asked, count)
     fresh = [each for each in faults.items() if each[0] not in tally.known]
-    units = [Unit(key, key, Sample(setting, asked.second, asked.seed, key, fault)) for key, fault in fresh]
+    units = [
+        Unit(key, key, Sample(setting, asked.second, asked.faults, asked.seed, key, fault))
+        for key, fault in fresh
+    ]
     for unit, result in carried_out(Kind("faults", ran, lost), units, asked.crew, never):
         if result[0] == "lost":
             raise SystemExit(result[1])
@@ -246,6 +282,7 @@ def main() -> int:
     parser.add_argument("--samples", type=int)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--second", type=Second, choices=list(Second))
+    parser.add_argument("--faults", type=int, default=2)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--cluster", default="")
     parser.add_argument("--json", type=Path)

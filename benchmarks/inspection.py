@@ -161,6 +161,8 @@ def _of_rendered(rows: dict[str, Any] | None) -> list[str]:
     """The bars that all dimensions together miss, and those that single ones miss by more than two standard errors."""
     said = _of_patches((rows or {}).get("all"))
     for name, row in (rows or {}).items():
+        if name == "peers":
+            continue
         if name != "all" and abs(row["within"] - 0.95) > 0.01 + 2.0 * row["give or take"]:
             said.append(f"{name}: {row['within']:.1%} of the errors are within the stated 95 %")
         if name != "all" and abs(row["bias"]) > BIAS + 2.0 / math.sqrt(row["count"]):

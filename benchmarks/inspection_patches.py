@@ -11,11 +11,13 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.inspection_peers import Beside, Truth, beside, told
+from benchmarks.inspection_shapes import ball, holed, plate, turning
 from engine.kernels.rigid import apply, inverse, transform, translation, turned
 from engine.model.fits import Fit, Shape
 from engine.model.geometry import Floats
@@ -43,51 +45,7 @@ class Case:
     placed: Placed
     asked: list[Asked]
     errors: Callable[[Mapping[str, Fit]], dict[str, Error]]
-
-
-def surface(corners: Floats) -> Solid:
-    """A surface of triangles (m, 3, 3) without facets."""
-    return Solid("patch", corners, np.zeros(len(corners), dtype=np.int64), ())
-
-
-def woven(grid: Floats) -> Solid:
-    """The surface through a grid of points (a, b, 3)."""
-    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-    quads = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)])
-    return surface(quads.reshape(-1, 3, 3))
-
-
-def plate(half_x: float = 0.05, half_y: float = 0.05) -> Solid:
-    """A rectangle about the origin, across z."""
-    x, y = np.array([-half_x, half_x]), np.array([-half_y, half_y])
-    return woven(np.stack(np.broadcast_arrays(x[:, None], y[None], 0.0), axis=-1))
-
-
-def holed(radius: float) -> Solid:
-    """A plate with a round hole about the origin."""
-    angle = np.linspace(0.0, 2 * np.pi, 1501)
-    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
-    far = 0.05 / np.abs(ring).max(axis=1, keepdims=True)
-    return woven(np.stack([radius * ring, far * ring]))
-
-
-def turning(radius: float, angle: float) -> Solid:
-    """A cylinder or cone about z that widens by the tangent of an angle; the side towards -x."""
-    around = np.linspace(0.5 * np.pi, 1.5 * np.pi, 1201)
-    low, high = max(-0.03, -radius / math.tan(angle) if angle else -0.03), 0.03
-    z = np.array([low, high])[:, None]
-    out = radius + z * math.tan(angle)
-    return woven(np.stack([out * np.cos(around), out * np.sin(around), z + 0 * around], axis=-1))
-
-
-def ball(radius: float) -> Solid:
-    """The half of a ball towards -z. Its facets lie outside as much as inside."""
-    polar, around = np.linspace(1e-4, 0.5 * np.pi, 90)[:, None], np.linspace(0, 2 * np.pi, 181)
-    # In the mean a chord lies inside its arc by a twelfth of the square of its angle.
-    wider = 1.0 + ((polar[1, 0] - polar[0, 0]) ** 2 + (around[1] * np.sin(polar)) ** 2) / 12.0
-    out = radius * wider * np.sin(polar)
-    height = np.broadcast_to(-radius * wider * np.cos(polar), (90, 181))
-    return woven(np.stack([out * np.cos(around), out * np.sin(around), height], axis=-1))
+    truth: Truth = field(default_factory=dict)
 
 
 def leaning(random: np.random.Generator, most: float = 0.3) -> Floats:
@@ -110,7 +68,10 @@ def plane_case(random: np.random.Generator) -> Case:
             "lean of a plane": (float(lean[0]), fit.deviation("tilt_x")),
         }
 
-    return Case([(plate(), T)], [Asked("a", Shape.PLANE, WHOLE)], errors)
+    def off(point: Floats, normal: Floats) -> float:
+        return float(normal @ (point - T[:3, 3])) * float(np.sign(normal @ T[:3, 2]))
+
+    return Case([(plate(), T)], [Asked("a", Shape.PLANE, WHOLE)], errors, {"plane": off})
 
 
 def size(name: str, truth: float, parameter: str) -> Callable[[Mapping[str, Fit]], dict[str, Error]]:
@@ -167,7 +128,7 @@ def hole_case(random: np.random.Generator) -> Case:
             "position of a hole": (float(local[side]), found["a"].deviation("xy"[side])),
         }
 
-    return Case(placed, [Asked("a", Shape.CIRCLE, WHOLE)], errors)
+    return Case(placed, [Asked("a", Shape.CIRCLE, WHOLE)], errors, {"radius": radius})
 
 
 def step_case(random: np.random.Generator) -> Case:
@@ -235,18 +196,29 @@ def pictured(case: Case, random: np.random.Generator) -> RangeImage:
     return found
 
 
-def one(name: str, number: int, seed: int) -> tuple[dict[str, Error] | None, int, float]:
-    """The errors of one image, None where a shape was refused; the number of its patches; milliseconds."""
+class One(NamedTuple):
+    """The errors of one image, None where a shape was refused; the number of its patches; milliseconds; what peers find."""
+
+    errors: dict[str, Error] | None
+    patches: int
+    ms: float
+    peers: list[Beside]
+
+
+def one(name: str, number: int, seed: int) -> One:
+    """One image of a kind, measured."""
     began = time.process_time()
     random = np.random.default_rng([seed, list(CASES).index(name), number])
     case = CASES[name](random)
-    found = dimensions(pictured(case, random), case.asked).fits
-    fits = {key: each for key, each in found.items() if isinstance(each, Fit)}
-    errors = case.errors(fits) if len(fits) == len(found) else None
-    return errors, len(case.asked), 1e3 * (time.process_time() - began)
+    image = pictured(case, random)
+    found = dimensions(image, case.asked)
+    fits = {key: each for key, each in found.fits.items() if isinstance(each, Fit)}
+    errors = case.errors(fits) if len(fits) == len(found.fits) else None
+    spent = 1e3 * (time.process_time() - began)
+    return One(errors, len(case.asked), spent, beside(image, case.asked, found, case.truth))
 
 
-def some(work: tuple[str, range, int]) -> list[tuple[dict[str, Error] | None, int, float]]:
+def some(work: tuple[str, range, int]) -> list[One]:
     """The same for images of one kind."""
     name, numbers, seed = work
     return [one(name, number, seed) for number in numbers]
@@ -260,13 +232,16 @@ def patches(count: int, seed: int) -> dict[str, Any]:
         found = list(pool.map(some, work))
     off: dict[str, list[Error]] = {}
     refused, made, spent = 0, 0, 0.0
-    for errors, number, ms in (each for part in found for each in part):
-        made, spent, refused = made + number, spent + ms, refused + (number if errors is None else 0)
-        for name, error in (errors or {}).items():
+    images = [each for part in found for each in part]
+    for each in images:
+        made, spent = made + each.patches, spent + each.ms
+        refused += each.patches if each.errors is None else 0
+        for name, error in (each.errors or {}).items():
             off.setdefault(name, []).append(error)
-    told = {name: told_of(each) for name, each in off.items()}
+    rows = {name: told_of(each) for name, each in off.items()}
     every = [each for errors in off.values() for each in errors]
-    return {**told, "all": {**told_of(every), "patches": made, "refused": refused, "ms": round(spent / made)}}
+    whole = {**told_of(every), "patches": made, "refused": refused, "ms": round(spent / made)}
+    return {**rows, "all": whole, "peers": told([peer for each in images for peer in each.peers])}
 
 
 def told_of(errors: list[Error]) -> dict[str, float]:

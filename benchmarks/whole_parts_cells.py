@@ -35,6 +35,16 @@ def ratio(own: str, other: str) -> Read:
     return read
 
 
+def beside(row: str, key: str) -> Read:
+    """A number of a fit beside a peer's; None where the peer is not installed."""
+
+    def read(output: Output) -> float | None:
+        value = output.kept["1"]["patches"]["peers"].get(row, {}).get(key)
+        return None if value is None else float(value)
+
+    return read
+
+
 def localised(key: str) -> Read:
     """A share of the parts that are there, in per cent."""
 
@@ -143,6 +153,8 @@ CELLS = (
         (
             Figure(25, "errors within the stated 95 %", lambda o: 100 * o.kept["1"]["patches"]["all"]["within"], "%", 94.0, less=False, noise=0.02),
             Figure(25, "bias, standard deviations", lambda o: abs(o.kept["1"]["patches"]["all"]["bias"]), "", 0.1, noise=1.0),
+            Figure(25, "position of a plane, root mean square error", beside("position of a plane beside Open3D", "own um"), "um", noise=0.3, peer=("Open3D", beside("position of a plane beside Open3D", "peer um"))),
+            Figure(25, "diameter of a hole, root mean square error", beside("diameter of a hole beside scikit-image", "own um"), "um", noise=0.3, peer=("scikit-image", beside("diameter of a hole beside scikit-image", "peer um"))),
             Figure(25, "alignments wrong when 0.05 mm is asked for", at("1", "alignments", "asked: wrong"), "", 0.0, noise=EXACT),
             Figure(25, "bad values not caught in the whole job", lambda o: float(sum(len(j["missed"]) for j in o.kept["jobs"])), "", 0.0, noise=EXACT),
             Figure(25, "wrong decisions in the whole job", lambda o: 100 * max(j["wrong share"] for j in o.kept["jobs"]), "%", 5.0),

@@ -24,7 +24,7 @@ Ask = Callable[[str, Sequence[str]], "str | None"]
 
 @dataclass(frozen=True, repr=False)
 class Diagnosed(Answer):
-    """What a case came to: what was tested, what can still be the cause, and how the work goes on, if that was asked for."""
+    """The end of a case: what was tested, what can still be the cause, and how the work goes on, if that was asked for."""
 
     diagnosis: "Diagnosis"
     recovery: "Recovery | None" = field(default=None, compare=False)

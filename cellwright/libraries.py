@@ -60,8 +60,9 @@ def keep_sequence(
     work: int = 0,
     seed: int = 0,
 ) -> "Told[Progress]":
-    """The visits that are left of a sequence that a store keeps, after this news. `bad` are visits with the reason.
+    """Report to the sequence in a store which visits are done, lost or restored; the visits that are left.
 
+    `bad` says of visits that failed why.
     Raises `InvalidInput`.
     """
     from engine.formats.report import progress as report
@@ -92,7 +93,7 @@ def _domain_name(target: str) -> str:
 
 
 def learn(store: Name, plans: Sequence[Name]) -> "tuple[Lesson, ...]":
-    """Check plan files, generalise them and keep the MACROPs; what became of each. Raises `InvalidInput`."""
+    """Check plan files, generalise them and keep the MACROPs; the result for each file. Raises `InvalidInput`."""
     from engine.pipelines.reuse.lessons import lesson
     from kb.store import Library
 
@@ -101,7 +102,7 @@ def learn(store: Name, plans: Sequence[Name]) -> "tuple[Lesson, ...]":
 
 
 def forget(store: Name, numbers: Sequence[int]) -> int:
-    """Remove MACROPs by their numbers; how many are gone."""
+    """Remove MACROPs by their numbers; how many were removed."""
     from kb.store import Library
 
     with Library(fspath(store)) as library:

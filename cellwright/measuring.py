@@ -27,20 +27,21 @@ def measurements(target: Target) -> "Told[Partition]":
     return Told(partition(with_places(load(target))), "ok", entry, parts)
 
 
-def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05) -> "Told[Fitting]":
-    """A shape through measured points (a .csv with x, y, z in metres, .npy, .pcd or .ply), and how sure its sizes are.
+def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") -> "Told[Fitting]":
+    """A shape through measured points (a .csv with x, y, z, .npy, .pcd or .ply), and how sure its sizes are.
 
-    `noise_mm` is the standard deviation of a point. Status: ok, or refused with the reason. Raises `InvalidInput`.
+    The points count `unit`s: m, cm, mm or in; whole numbers in a .npy are millimetres. `noise_mm` is the standard deviation of a point. Status: ok, or refused with the reason. Raises `InvalidInput`.
     """
     import numpy as np
 
     from engine.formats.interop.depth_files import read_cloud
+    from engine.formats.interop.tables import unit_m
     from engine.formats.report import fits
     from engine.model.fits import Cloud, Fit
     from engine.model.fits import Shape as Shapes
     from engine.stages.fitting.surfaces import fitted
 
-    cloud = read_cloud(Path(points))
+    cloud = read_cloud(Path(points), unit_m(unit))
     found = fitted(Shapes(shape), Cloud(cloud, np.full(len(cloud), noise_mm * 1e-3)))
     status = "ok" if isinstance(found, Fit) else "refused"
     return Told(found, status, lambda each: {"fits": [fits.entry(each)]}, lambda each: fits.text([each], ()))
@@ -72,23 +73,31 @@ def align(
 
 
 def image(
-    target: Target, measurement: str, *, expected_mm: float = 1.0, seed: int = 0
+    target: Target,
+    measurement: str,
+    *,
+    given: "str | PathLike[str] | None" = None,
+    expected_mm: float = 1.0,
+    seed: int = 0,
 ) -> "Told[MeasuredSurface | Vague]":
-    """The range image that a measurement is taken from, and what is measured in its patch; made from the cell.
+    """The range image that a measurement is taken from, and what is measured in its patch; without a `given` file it is made from the cell.
 
     `expected_mm` is the standard deviation of the place of the part. Status: found, or refused. Raises `InvalidInput`.
     """
     from rich.text import Text
 
+    from engine.formats.interop.range_files import read_ranges
     from engine.formats.report import ranges
     from engine.model.ranging import Vague
-    from engine.pipelines.dimensions.surfaces import measured_surface
+    from engine.pipelines.dimensions.surfaces import Seeing, measured_surface
     from engine.plugins import geometry_backend
     from kb.loader.cell import cell_of
 
     problem = load(target)
     where = cell_of(problem.path)
-    found = measured_surface(problem, where, geometry_backend(), measurement, expected_mm * 1e-3, seed, None)
+    read = None if given is None else lambda tool: read_ranges(Path(given), tool)
+    seeing = Seeing(expected_mm * 1e-3, seed, read=read)
+    found = measured_surface(problem, where, geometry_backend(), measurement, seeing)
     if isinstance(found, Vague):
         return Told(found, "refused", lambda _: {"reason": found.reason}, lambda _: Text(found.reason))
     return Told(

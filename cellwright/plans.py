@@ -28,7 +28,7 @@ Strategy = Literal["auto", "backward", "forward", "landmarks", "asp", "shortest"
 
 @dataclass(frozen=True, repr=False)
 class Planned(Answer):
-    """What planning came to: a plan with its times, or why there is none."""
+    """The result of planning: a plan with its times, or why there is none."""
 
     made: "Made" = field(compare=False)
     store: str = ""

@@ -41,7 +41,7 @@ def name_of(target: Target) -> str:
 
 
 class Deadline:
-    """Whether the time is over. Asked by searches now and then, and by those who cannot be given the question."""
+    """Asked whether the time is over: by searches now and then, and by code that runs where no limit is passed in."""
 
     def __init__(self, seconds: float | None) -> None:
         self.ends = None if seconds is None else time.monotonic() + seconds
@@ -52,7 +52,7 @@ class Deadline:
         return self.told
 
     def while_grounding(self) -> bool:
-        """Whether a grounding shall stop: not once a search has been told to, because its answer is still to be checked."""
+        """Whether a grounding must stop. After a search was stopped it may go on: the answer found so far is still to be checked."""
         return not self.told and self._is_over()
 
     def _is_over(self) -> bool:
@@ -61,7 +61,7 @@ class Deadline:
 
 @contextmanager
 def limited(seconds: float | None) -> Iterator[Deadline]:
-    """A context that ends after so many seconds. Raises `TimeoutError` if there is no answer at all by then."""
+    """A context that stops the work in it after some seconds. Raises `TimeoutError` if there is no answer by then."""
     deadline = Deadline(seconds)
     try:
         with stopping.asking(deadline.while_grounding):

@@ -152,6 +152,19 @@ def read_bytes(path: Path, name: str, most: int = MAX_BYTES) -> bytes:
     raise InvalidInput([found])
 
 
+def foreign_bytes(path: Path, code: str, what: str, most: int) -> bytes:
+    """`read_bytes` of a file in a format of others, such as a mesh. Its findings have the code of that format's reader."""
+    try:
+        return read_bytes(path, str(path), most)
+    except InvalidInput as error:
+        found = error.diagnostics[0]
+        said = found.message.removeprefix("cannot be read: ")
+        hint = (
+            "take a smaller file" if found.code == "K007" else found.hint or "is it a file that can be read?"
+        )
+        raise InvalidInput([Diagnostic(found.where, code, f"{what} cannot be read: {said}", hint)]) from None
+
+
 def _too_large(name: str, most: int) -> Diagnostic:
     hint = "split the problem, or generate facts with rules"
     return Diagnostic(Source(name), "K007", f"larger than {most // 2**20} MiB", hint)

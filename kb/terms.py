@@ -202,6 +202,15 @@ def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
     return atom if all(map(operator.is_, replaced, atom.arguments)) else Function(atom.name, tuple(replaced))
 
 
+def exchanged(term: Term, others: Mapping[Term, Term]) -> Term:
+    """`term` with other terms in the places of some, at any depth. What is put in is not looked at again."""
+    if term in others:
+        return others[term]
+    if isinstance(term, Function) and term.arguments:
+        return Function(term.name, tuple(exchanged(each, others) for each in term.arguments))
+    return term
+
+
 def match(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable, Term] | None:
     """The smallest extension of `bindings` under which `pattern` equals `ground`, or None; `_` matches anything."""
     extended = dict(bindings)

@@ -12,6 +12,7 @@ REFUSALS = {
         "sequence bulkhead",
         "measurement list themse",
         "diagnose bulkhead --exception no_echo --recover",
+        "export bt themse/one",
     ],
     "K405": [
         "diagnose {bare} --exception any",

@@ -106,11 +106,12 @@ Fitting: TypeAlias = Fit | Unfitted
 
 @dataclass(frozen=True, slots=True)
 class Related:
-    """A distance (m) or an angle (rad) between two fitted shapes, and its standard deviation."""
+    """A distance (m) or an angle (rad) between two fitted shapes, its standard deviation, and of what it is."""
 
     what: str
     value: float
     sigma: float
+    of: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)

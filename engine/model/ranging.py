@@ -23,13 +23,16 @@ class RangeImage:
     """Ranges (height, width) along the beams, 0 where there is no answer, and the strength of each answer.
 
     The strength is 1 for a surface square to the beam at the distance `tool.at_m`. Where `wrapped`, ranges are known modulo half
-    the wavelength of the modulation only.
+    the wavelength of the modulation only. Where `guessed`, strengths were not measured: they follow from ranges and slopes.
+    `step_m` is by how much two depths differ at least, if they were rounded.
     """
 
     tool: Ranging
     range_m: Floats
     strength: Floats
     wrapped: bool = False
+    guessed: bool = False
+    step_m: float = 0.0
 
     @property
     def camera(self) -> Camera:
@@ -43,10 +46,16 @@ class RangeImage:
 
     @property
     def noise_m(self) -> Floats:
-        """The standard deviation (height, width) of each range that comes from the signal; infinite without an answer."""
+        """The standard deviation (height, width) of each range that comes from the signal and from rounding; infinite without an answer."""
         weak = self.strength <= 0
-        found: Floats = np.where(weak, np.inf, self.tool.noise_m / np.where(weak, 1.0, self.strength))
+        signal = self.tool.noise_m / np.where(weak, 1.0, self.strength)
+        found: Floats = np.where(weak, np.inf, np.hypot(signal, self.rounding_m))
         return found
+
+    @property
+    def rounding_m(self) -> float:
+        """The standard deviation of what was lost of a depth when it was rounded."""
+        return self.step_m / math.sqrt(12.0)
 
     @property
     def points(self) -> Floats:

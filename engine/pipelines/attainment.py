@@ -5,11 +5,13 @@ one that cannot be reached; a chain that waits for another one no longer waits i
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from engine.model.outcome import Found, Infeasible, Outcome
+from engine.model.task import Task
 from engine.pipelines import planning
-from engine.stages.grounding import ground
+from engine.stages.grounding import ground, ground_parts
+from engine.stages.grounding.goals import Parted
 from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
 from kb.model.conditions import And, Condition, goal_parts
@@ -17,6 +19,9 @@ from kb.model.problem import Chain, Problem
 
 NOTHING_MORE = "no goal that is still open can be reached"
 IN_ANY_CASE = "it cannot be reached from this state, whatever is done"
+KEPT = 16  # ground tasks
+
+Removed = frozenset[int] | None  # obstacles without which a problem is looked at; None: as it was given
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +95,7 @@ class _Search:
     problem: Problem
     obstacles: Obstacles | None
     limits: Limits
+    grounded: dict[Removed, Parted] = field(default_factory=dict)
 
     def parts(self) -> list[Part]:
         """All goals, whole."""
@@ -119,7 +125,7 @@ class _Search:
 
     def together(self, parts: list[Part]) -> list[Part]:
         """Goals that can be reached together: all of them, else one after the other is added as far as it goes."""
-        if not parts or not self._infeasible(self.only(parts)):
+        if not parts or not self._infeasible(parts):
             return parts
         kept: list[Part] = []
         for part in parts:
@@ -145,9 +151,9 @@ class _Search:
 
     def _longest(self, others: Sequence[Part], part: Part) -> Part | None:
         if part.chain is None:
-            return None if self._infeasible(self.only([*others, part])) else part
+            return None if self._infeasible([*others, part]) else part
         cuts = (part.cut(stages) for stages in range(part.stages, 0, -1))
-        return next((cut for cut in cuts if not self._infeasible(self.only([*others, cut]))), None)
+        return next((cut for cut in cuts if not self._infeasible([*others, cut])), None)
 
     def _reason(self, part: Part) -> str:
         """A smallest set of obstacles without which a goal could be reached."""
@@ -162,11 +168,37 @@ class _Search:
         return "; ".join(dict.fromkeys(self.obstacles.reasons[each] for each in sorted(removed)))
 
     def _reachable(self, part: Part, removed: frozenset[int]) -> bool:
-        assert self.obstacles is not None
-        return not self._infeasible(self.only([part], self.obstacles.without(removed)))
+        return not self._infeasible([part], removed)
 
-    def _infeasible(self, problem: Problem) -> bool:
-        return isinstance(plan_task(ground(problem), replace(self.limits, improvement=0)), Infeasible)
+    def _infeasible(self, parts: Sequence[Part], removed: Removed = None) -> bool:
+        task = self._task(parts, removed)
+        return isinstance(plan_task(task, replace(self.limits, improvement=0)), Infeasible)
+
+    def _task(self, parts: Sequence[Part], removed: Removed) -> Task:
+        """The ground task of some goals, without some obstacles. For conjuncts alone it is grounded once and asked many times."""
+        conjuncts = list(goal_parts(self.problem.goal))
+        wanted = [conjuncts.index(part.condition) for part in parts if part.condition is not None]
+        if len(wanted) == len(parts):
+            task = self._parted(removed).wanting(wanted)
+            if task is not None:
+                return task
+        return ground(self.only(parts, self._among(removed)))
+
+    def _parted(self, removed: Removed) -> Parted:
+        found = self.grounded.pop(removed, None)
+        if found is None:
+            conjuncts = [part for part in self.parts() if part.chain is None]
+            found = ground_parts(self.only(conjuncts, self._among(removed)))
+        self.grounded[removed] = found
+        if len(self.grounded) > KEPT:
+            del self.grounded[next(iter(self.grounded))]  # the one that was not asked for longest
+        return found
+
+    def _among(self, removed: Removed) -> Problem:
+        if removed is None:
+            return self.problem
+        assert self.obstacles is not None
+        return self.obstacles.without(removed)
 
 
 def _next(whole: Part, final: Part | None) -> Part:

@@ -7,6 +7,7 @@ from engine.model.outcome import Found, GaveUp, Infeasible
 from engine.model.schedule import Timetable
 from engine.model.task import Task
 from engine.pipelines.gate import accepted
+from engine.pipelines.planning import in_the_order_named
 from engine.pipelines.timetable import (
     by_other_means,
     keeping,
@@ -40,7 +41,8 @@ def fastest(
         return _judged(keeping(problem, outcome.plan), bound), None
     own = own_order(problem, task, outcome.plan)
     if own.schedule.makespan <= bound and not own.unwatched:
-        return _judged(own, bound), None
+        named = in_the_order_named(problem, own.plan)
+        return _judged(own if named == own.plan else own_order(problem, task, named), bound), None
     plans = list(_plans(problem, task, outcome, limits))
     made = [timed(problem, task, each, work) for each in plans]
     if isinstance(made[0], Timetable):
@@ -49,7 +51,18 @@ def fastest(
     made += [each for each in [by_other_means(problem, task, plans, choosing, bound)] if each is not None]
     found = [own, *(each for each in made if isinstance(each, Timetable))]
     refused = next((each for each in made if not isinstance(each, Timetable)), None)
-    return _judged(min(found, key=value_of), bound), refused
+    return _as_named(problem, task, _judged(min(found, key=value_of), bound), bound, choosing), refused
+
+
+def _as_named(problem: Problem, task: Task, best: Timetable, bound: int, work: ScheduleLimits) -> Timetable:
+    """The best timetable, or one that is as good and serves alike objects in the order in which they are named."""
+    plan = in_the_order_named(problem, best.plan)
+    made = None if plan == best.plan else timed(problem, task, plan, work)
+    if not isinstance(made, Timetable):
+        return best
+    made = _judged(made, bound)
+    as_good = value_of(made)[:-1] <= value_of(best)[:-1] and made.schedule.proved >= best.schedule.proved
+    return made if as_good and in_the_order_named(problem, made.plan) == made.plan else best
 
 
 def _judged(made: Timetable, bound: int) -> Timetable:

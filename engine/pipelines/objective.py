@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from engine.model.measurements import chooses_tools, is_shared, wanted
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
-from engine.pipelines.planning import planned
+from engine.pipelines.planning import in_the_order_named, planned
 from engine.stages.grounding import ground
 from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
@@ -160,13 +160,16 @@ def _kept(problem: Problem, followed: Run, started: float) -> "Timetable | Infea
 
 def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objective: Objective | None) -> Run:
     """An outcome with its timetable, and for the makespan with the best plan found from its own on."""
-    if not isinstance(outcome, Found) or not _lasts(outcome.plan):
+    if not isinstance(outcome, Found):
         return Run(outcome)
+    if not _lasts(outcome.plan):
+        return Run(replace(outcome, plan=in_the_order_named(problem, outcome.plan)))
     from engine.pipelines import makespan
     from engine.pipelines.timetable import own_order
 
     if objective is Objective.COST:
-        return Run(outcome, own_order(problem, task, outcome.plan))
+        plan = in_the_order_named(problem, outcome.plan)
+        return Run(replace(outcome, plan=plan), own_order(problem, task, plan))
     best, _ = makespan.fastest(problem, task, outcome, limits)
     optimal = outcome.optimal and best.plan.cost == outcome.plan.cost
     return Run(replace(outcome, plan=best.plan, optimal=optimal), best)

@@ -1,4 +1,4 @@
-"""What a journal says may be anything, if somebody has changed it: then it is refused, and no fault of ours."""
+"""Reads journals with suspicion: one that somebody has changed is bad input, not an internal error."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,17 +1,18 @@
 """Plans in files, and what the checker has against them. Nothing is planned here, so a check starts without any planner."""
 
 import re
+from contextlib import suppress
 from pathlib import Path
 
 from engine.model.windows import Unmet, missed, turned, visits_of, windows_of
 from engine.stages.validation import validate
 from engine.stages.validation.claims import makespan, times
 from kb.asp.statics import evaluated
-from kb.diagnostics import Diagnostic
-from kb.files import File, read_file
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import File, is_there, read_file
 from kb.model.plan import Claims, Plan
 from kb.model.problem import Problem
-from kb.targets import CONTACTS_FILE
+from kb.targets import CONTACTS_FILE, find
 
 OPERATORS = re.compile(r"^['\"]?(operators|use)['\"]?\s*:", re.MULTILINE)  # its own, or those of devices
 
@@ -54,7 +55,16 @@ def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
     """`plan_in`, and what else the file claims."""
     from kb.loader.plan import load_claimed
 
+    if not is_there(file) and _is_bundled(str(file)):
+        hint = f"make a plan first: cellwright plan {file} -o plan.json"
+        raise InvalidInput([Diagnostic(Source(str(file)), "K404", "this is no plan", hint)])
     return load_claimed(file, generated_if_bare)
+
+
+def _is_bundled(target: str) -> bool:
+    with suppress(InvalidInput):
+        return bool(find(target))
+    return False
 
 
 def generated_if_bare(domain: Path) -> File | None:

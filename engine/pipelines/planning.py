@@ -12,6 +12,7 @@ from engine.pipelines.files import loaded as loaded
 from engine.pipelines.gate import InternalError, PlanGate
 from engine.pipelines.plan_files import check_plan as check_plan
 from engine.pipelines.plan_files import plan_in as plan_in
+from engine.pipelines.renaming import in_the_order_said
 from engine.stages.grounding import ground
 from engine.stages.grounding.limits import size
 from engine.stages.grounding.need import Named, faithful, thinned, without_irrelevant
@@ -20,6 +21,7 @@ from engine.stages.planning import plan as plan_task
 from kb.asp.excerpt import excerpt
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.domain import Operator
+from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.targets import find
 from kb.terms import variables
@@ -80,6 +82,12 @@ def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MAC
         outcome = replace(outcome, plan=made) if isinstance(outcome, Found) else outcome
     seconds = {**outcome.statistics.seconds, "check": time.perf_counter() - started}
     return replace(outcome, statistics=replace(outcome.statistics, seconds=seconds)), task
+
+
+def in_the_order_named(problem: Problem, plan: Plan) -> Plan:
+    """The plan that serves alike objects in the order in which they are named, if the gate lets it pass; else the plan itself."""
+    gate = PlanGate()
+    return in_the_order_said(gate.semantics(problem), plan, lambda other: not gate.findings(problem, other))
 
 
 def searched(

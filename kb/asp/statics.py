@@ -21,6 +21,7 @@ from kb.terms import ANYTHING, Atom, Function, Number, Variable, variables
 SUSPICIOUS = 20_000_000  # instances: what may have more is grounded on trial first
 MANY = 1e18  # instances: more than that is not told apart
 ROUNDS = 4  # rules that build on one another, in a row
+STATIC = ("types", "functions", "objects", "predicates", "asp")  # what of a domain static facts depend on
 KEPT = 3  # problems whose evaluated facts are kept
 HEAD = re.compile(r"(?:^|\.)[\s{]*([a-z_]\w*)", re.MULTILINE)  # names with which a statement may begin
 RANGE = re.compile(r"([^\s(,;:{]+)\s*\.\.\s*([^\s),;.}]+)")
@@ -42,7 +43,7 @@ def evaluated(problem: Problem, further: Iterable[str] = ()) -> Grounder:
     """
     rules = tuple(further)
     for known, more, grounder in _recent:
-        if more == rules and known.domain is problem.domain and _same_facts(known, problem):
+        if more == rules and _same_facts(known, problem):
             return grounder
     grounder = Grounder()
     evaluate(grounder, problem, rules)
@@ -54,6 +55,9 @@ _recent: deque[tuple[Problem, tuple[str, ...], Grounder]] = deque(maxlen=KEPT)
 
 
 def _same_facts(one: Problem, other: Problem) -> bool:
+    """Whether two problems share their static facts, and what their domains say of these; operators may differ."""
+    if any(getattr(one.domain, each) is not getattr(other.domain, each) for each in STATIC):
+        return False
     pairs = (one.statics, other.statics), (one.objects, other.objects)
     return all(own is others or own == others for own, others in pairs)
 
@@ -119,8 +123,20 @@ def within_limits(suspects: Callable[[], Iterable[Suspect]]) -> Iterator[None]:
         raise InvalidInput([Diagnostic(worst.where, "K307", message, hint)]) from None
 
 
-def static_suspects(problem: Problem) -> Iterator[Suspect]:
-    """The rules of a problem's domain, each with an upper bound on its instances."""
+def static_suspects(problem: Problem) -> Sequence[Suspect]:
+    """The rules of a problem's domain, each with an upper bound on its instances. Problems that share their facts share them."""
+    for known, found in _counted:
+        if _same_facts(known, problem):
+            return found
+    found = tuple(_static_suspects(problem))
+    _counted.appendleft((problem, found))
+    return found
+
+
+_counted: deque[tuple[Problem, tuple[Suspect, ...]]] = deque(maxlen=KEPT)
+
+
+def _static_suspects(problem: Problem) -> Iterator[Suspect]:
     rules = problem.domain.asp
     count = _Extents(problem)
     for _ in range(ROUNDS):

@@ -24,9 +24,9 @@ class References:
         self.ranked: set[tuple[str, ...]] = set()  # named as the first ones, the last ones, ...
 
     def resolve(self, words: Words, type_: str) -> tuple[Function, ...]:
-        """The objects meant, each once, in natural order. Raises `Unclear`."""
+        """The objects meant, each once, in the order in which they are said. Raises `Unclear`."""
         found = self._left(words, type_, self._meant(words, type_))
-        unique = tuple(sorted(set(found), key=lambda name: natural_key(Function(name))))
+        unique = tuple(dict.fromkeys(found))
         for name in unique:
             if not self._is(name, type_):
                 said = f"{name} is {self._article(self.objects[name])}, not {self._article(type_)}"

@@ -93,9 +93,21 @@ class Amounts:
                 return _only_point(name, given)
         standing = self.standing(str(place))
         if standing is None:
-            hint = f"add the fact {words.position}({names[-1]}, X, Y, Z), or the place {place} to the cell"
-            raise NoAmount(f"the position of {place} is not known", hint)
+            fact = f"the fact {words.position}({names[-1]}, X, Y, Z), or " if self._takes(names[-1]) else ""
+            raise NoAmount(
+                f"the position of {place} is not known",
+                f"add {fact}the place {place} to `places` of cell.yaml",
+            )
         return standing
+
+    def _takes(self, thing: Term) -> bool:
+        """Whether a fact can give the position of a thing, as far as the domain tells of what type it is."""
+        known = self.domain.predicates.get(self.domain.conventions.position)
+        if known is None or not isinstance(thing, Function):
+            return False
+        built = self.domain.functions.get(thing.name)
+        type_ = built.result if built else self.domain.objects.get(thing.name)
+        return type_ is None or self.domain.is_subtype(type_, known.arguments[0])
 
     def _position_facts(self) -> dict[Arguments, list[Term]]:
         """The positions that facts give, as terms of three arguments."""

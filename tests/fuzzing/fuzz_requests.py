@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import fuzz_seeds as seeds
+from fuzz_measured import MEASURED
 from fuzz_readers import FILES, Reader, Refused, _said, _text, mesh, pddl, qif, urdf
 
 NUMBERS_DOMAIN = """(define (domain pumps)
@@ -240,6 +241,7 @@ def curved() -> list[bytes]:
 PROBLEM = (seeds.TOP / "domains" / "bulkhead" / "problems" / "three_stations.yaml").read_bytes()
 PARSERS = [
     *FILES,
+    *MEASURED,
     Reader("PDDL numbers, domain", "text", _said(NUMBERS_DOMAIN), pddl, "domain.pddl", NUMBERS),
     Reader("PDDL numbers, problem", "text", _said(NUMBERS_PROBLEM), pddl, "problem.pddl", NUMBERS),
     Reader("QIF curves", "xml", curved, qif, "part.qif"),

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.options import Target, number, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Target, number
 
 if TYPE_CHECKING:
     from engine.stages.geometry.pictures.view import View

@@ -9,7 +9,8 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
-from engine.faces.cli.options import Seed, Target, TimeLimit, number, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Seed, Target, TimeLimit, number
 
 if TYPE_CHECKING:
     from engine.faces.cli.interruption import Interruption

@@ -7,7 +7,8 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
-from engine.faces.cli.options import Command, Expansions, Format, Goals, TimeLimit, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Command, Expansions, Format, Goals, TimeLimit
 
 
 def explain(

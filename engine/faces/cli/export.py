@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.options import Command, Format, Goals, Ground, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Command, Format, Goals, Ground
 
 
 class Language(StrEnum):

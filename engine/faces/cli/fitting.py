@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 ShapeName = Annotated[str, typer.Argument(metavar="SHAPE", help="plane, sphere, cylinder, cone or circle")]
 Points = Annotated[
     Path,
-    typer.Argument(metavar="POINTS", help="points in metres: CSV with columns x, y, z, or .npy, .pcd, .ply"),
+    typer.Argument(metavar="POINTS", help="points: CSV with columns x, y, z, or .npy, .pcd, .ply"),
+]
+Unit = Annotated[
+    str, typer.Option("--unit", help="in what POINTS count: m, cm, mm or in; whole numbers in a .npy are mm")
 ]
 Noise = Annotated[
     float,
@@ -50,18 +53,22 @@ Moved = Annotated[
 ]
 
 
+SPACIOUS_M = 5.0  # points that no shape fits, and that span more, may have been meant in another unit
+
+
 def fit(
     shape: ShapeName,
     points: Points,
     to: Other = None,
     noise: Noise = 0.05,
+    unit: Unit = "m",
     format: Format = Form.TEXT,
 ) -> None:
     """Fit SHAPE to measured POINTS, without those that do not belong to it, and tell how sure its sizes are."""
     asked = (
         [(_shape(shape), points)] if to is None else [(_shape(shape), points), (_shape(to[0]), Path(to[1]))]
     )
-    give(lambda: _fit(asked, noise * 1e-3), format)
+    give(lambda: _fit(asked, noise * 1e-3, unit), format)
 
 
 def _shape(name: str) -> "Shape":
@@ -88,23 +95,31 @@ def align(
     give(lambda: _align(target, results, noise * 1e-3, within, output), format)
 
 
-def _fit(asked: "list[tuple[Shape, Path]]", sigma_m: float) -> Answer:
+def _fit(asked: "list[tuple[Shape, Path]]", sigma_m: float, unit: str) -> Answer:
     import numpy as np
 
     from engine.formats.interop.depth_files import read_cloud
+    from engine.formats.interop.tables import unit_m
     from engine.formats.report import fits
     from engine.model.fits import Cloud, Fit
     from engine.stages.fitting.between import between
     from engine.stages.fitting.surfaces import fitted
 
-    clouds = [(shape, read_cloud(path)) for shape, path in asked]
+    metres = unit_m(unit)
+    clouds = [(shape, read_cloud(path, metres)) for shape, path in asked]
     found: list[Fitting] = [fitted(shape, Cloud(each, np.full(len(each), sigma_m))) for shape, each in clouds]
     sound = [each for each in found if isinstance(each, Fit)]
     fine = len(sound) == len(found)
     related = between(*sound) if len(sound) == 2 else ()
     content = {"fits": [fits.entry(each) for each in found], "between": fits.related(related)}
+    wide = max((float(np.ptp(each, axis=0).max()) for _, each in clouds if len(each)), default=0.0)
+    told = f"\nthe points span {wide:.2g} m: if they do not count metres, say so with --unit"
+    hint = told if not fine and wide > SPACIOUS_M else ""
     return Answer(
-        "ok" if fine else "refused", content, lambda: fits.text(found, related), 0 if fine else FINDINGS
+        "ok" if fine else "refused",
+        content,
+        lambda: fits.text(found, related).append(hint),
+        0 if fine else FINDINGS,
     )
 
 

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.options import Format, number, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Format, number
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.dimensions import dimensions
 from engine.faces.cli.fitting import align, fit
-from engine.faces.cli.imaging import dimensions, image, recognise
+from engine.faces.cli.imaging import image, recognise
 from engine.faces.cli.options import Format, Target
 
 if TYPE_CHECKING:
@@ -103,7 +104,8 @@ def _list(target: str) -> Answer:
     rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]
     rows += [(name, "done", "") for name in found.done]
     rows += [(name, "-", reason) for name, reason in found.impossible.items()]
-    table = TextTable(("measurement", "by", "reason"), rows)
+    width = 3 if found.impossible else 2  # a column of reasons, if there are any
+    table = TextTable(("measurement", "by", "reason")[:width], [row[:width] for row in rows])
     return Answer("ok", entry(found), lambda: Group(table, parts(found)))
 
 

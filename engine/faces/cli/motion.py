@@ -10,7 +10,8 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
-from engine.faces.cli.options import Cluster, Format, Seed, Target, number, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Cluster, Format, Seed, Target, number
 from engine.faces.cli.working import Work
 
 if TYPE_CHECKING:

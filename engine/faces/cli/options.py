@@ -1,6 +1,5 @@
 """Arguments and options that several commands share."""
 
-from collections.abc import Mapping
 from math import isnan
 from typing import Annotated
 
@@ -15,17 +14,6 @@ def number(value: float | None) -> float | None:
     if value is not None and isnan(value):
         raise typer.BadParameter("nan is not a number")
     return value
-
-
-class IdleOption(typer.BadParameter):
-    """An option that would change nothing."""
-
-
-def refuse_idle(options: Mapping[str, object], why: str) -> None:
-    """Refuse the first of the options that is given, because it would change nothing. Raises `IdleOption`."""
-    for name, value in options.items():
-        if value:
-            raise IdleOption(f"{name} has no effect {why}")
 
 
 Target = Annotated[

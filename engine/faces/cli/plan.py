@@ -10,6 +10,7 @@ import typer
 from engine.faces.cli import plan_forms
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import INTERRUPTED, exit_code
+from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import (
     Anytime,
     Before,
@@ -26,7 +27,6 @@ from engine.faces.cli.options import (
     Target,
     TimeLimit,
     Windows,
-    refuse_idle,
 )
 from engine.faces.cli.plan_forms import PlanForm
 from engine.faces.cli.saving import Output, form_of

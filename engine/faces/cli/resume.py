@@ -6,8 +6,8 @@ import typer
 
 from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.options import Expansions, Format, Seed
-from engine.faces.cli.run import Events, Store
+from engine.faces.cli.options import Expansions, Format, Seed, number
+from engine.faces.cli.run import Events, Store, Watch
 
 
 def resume(
@@ -20,7 +20,16 @@ def resume(
         ),
     ],
     store: Store = "",
+    factor: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            callback=number,
+            help="the share of real time that simulated time takes; if not given, as before",
+        ),
+    ] = None,
     events: Events = "",
+    watch: Watch = False,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
     format: Format = Form.TEXT,
@@ -33,12 +42,15 @@ def resume(
         from engine.faces.cli.run import answer_of
         from engine.faces.cli.supervision import Watching
         from engine.pipelines.execution import resume as go_on
+        from engine.pipelines.execution.begin import followed
         from engine.stages.planning import Limits
         from kb.store.own import default_store
 
         where = store or default_store()
-        with Watching(run, where, events, approve=False) as watch:
-            ending = go_on(where, run, watch.channel, watch.watchers, Limits(expansions, seed=seed))
+        pace, before = followed(where, run, factor) if watch else (0.0, ())
+        with Watching(run, where, events, False, watch, pace, before) as seen:
+            limits = Limits(expansions, seed=seed)
+            ending = go_on(where, run, seen.channel, seen.watchers, limits, factor)
         return answer_of(ending, where, events == "-")
 
     give(make, format)

@@ -8,7 +8,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from engine.faces.cli.options import refuse_idle
+from engine.faces.cli.idle import refuse_idle
 
 AnyForm = TypeVar("AnyForm", bound=StrEnum)
 

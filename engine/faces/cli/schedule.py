@@ -9,7 +9,8 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import INTERRUPTED
-from engine.faces.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number
 from engine.faces.cli.saving import Output, form_of
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
-from engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows
 from engine.faces.cli.saving import Output, form_of
 
 if TYPE_CHECKING:

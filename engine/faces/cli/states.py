@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.options import refuse_idle
+from engine.faces.cli.idle import refuse_idle
 
 if TYPE_CHECKING:
     from engine.model.task_space import Net

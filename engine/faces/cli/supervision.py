@@ -16,10 +16,20 @@ if TYPE_CHECKING:
 
 
 class Watching:
-    """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and of the socket."""
+    """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and of the socket.
+
+    A display of a run that is taken up again begins with the records `before`.
+    """
 
     def __init__(
-        self, run: str, store: str, events: str, approve: bool, shown: bool = False, factor: float = 0.0
+        self,
+        run: str,
+        store: str,
+        events: str,
+        approve: bool,
+        shown: bool = False,
+        factor: float = 0.0,
+        before: "Sequence[Record]" = (),
     ) -> None:
         from engine.pipelines.execution.channel import Channel
 
@@ -29,7 +39,7 @@ class Watching:
         self._out: Any = None
         self._before: Any = None
         self._presses = 0
-        self._shown, self._factor = shown, factor
+        self._shown, self._factor, self._past = shown, factor, before
         self._display = ExitStack()
         self._look: list[Watcher] = []
 
@@ -53,7 +63,8 @@ class Watching:
         if self._shown:
             from engine.faces.cli.watching import watched
 
-            self._look.append(self._display.enter_context(watched(self._run, self._tell, self._factor)))
+            seen = watched(self._run, self._tell, self._factor, self._past)
+            self._look.append(self._display.enter_context(seen))
         return self
 
     def _tell(self, order: str) -> None:

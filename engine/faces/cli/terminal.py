@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook
 from rich.segment import Segment
 
+from engine.faces.cli.slow import hushed
 from kb.diagnostics import escaped
 
 
@@ -23,8 +24,8 @@ def console(stderr: bool = False, **settings: Any) -> Console:
 
 
 def say(text: str) -> None:
-    """Write on standard error. If that fails, the answer is still given."""
-    with suppress(OSError):
+    """Write on standard error, where a line of progress makes room. If that fails, the answer is still given."""
+    with suppress(OSError), hushed():
         sys.stderr.write(escaped(text))
         sys.stderr.flush()
 

@@ -7,7 +7,8 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import FINDINGS
-from engine.faces.cli.options import Command, Format, Goals, Ground, Pddl, refuse_idle
+from engine.faces.cli.idle import refuse_idle
+from engine.faces.cli.options import Command, Format, Goals, Ground, Pddl
 from engine.model.wording import counted
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ import typer
 from typer.core import TyperGroup
 
 from engine.faces.cli.answers import refuse, writing
+from engine.faces.cli.idle import IdleOption
 from engine.faces.cli.limited import limited
-from engine.faces.cli.options import IdleOption
 from engine.faces.cli.purposes import VERBS_FOR, arranged
 
 USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no public name for it

@@ -4,7 +4,7 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -24,10 +24,13 @@ def plain(record: "Record") -> None:
 
 
 @contextlib.contextmanager
-def watched(run: str, give: Give, factor: float) -> "Iterator[Callable[[Record], None]]":
+def watched(
+    run: str, give: Give, factor: float, before: "Sequence[Record]" = ()
+) -> "Iterator[Callable[[Record], None]]":
     """A watcher for the records of a run: a live display on a terminal if its clock is slowed down, else plain lines.
 
-    At full speed there is nothing to watch: a display would be gone before it is read.
+    At full speed there is nothing to watch: a display would be gone before it is read. The display of a run that is taken up
+    again begins with the records `before`.
     """
     if not (factor and sys.stderr.isatty() and sys.stdin.isatty()):
         yield plain
@@ -39,6 +42,8 @@ def watched(run: str, give: Give, factor: float) -> "Iterator[Callable[[Record],
 
     came = [time.monotonic()]
     display = Display(run, passed_ms=lambda: (time.monotonic() - came[0]) * 1000 / factor)
+    for record in before:
+        display.take(record)
     live = Live(display, console=console(stderr=True), refresh_per_second=FRAMES)
     keys = Keys(lambda key: _pressed(key, display, live, give))
 

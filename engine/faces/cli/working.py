@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from engine.faces.cli.options import refuse_idle
+from engine.faces.cli.idle import refuse_idle
 
 if TYPE_CHECKING:
     from engine.pipelines.units import Crew

@@ -6,6 +6,7 @@ nearest one counts.
 
 import io
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.vision import Camera
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_bytes
+from kb.files import foreign_bytes
 
 MAX_BYTES = 256 * 2**20
 PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it
@@ -54,15 +55,26 @@ def read_depth(path: Path, camera: Camera) -> Floats:
     return np.where(np.isfinite(depth) & (depth > 0), depth, 0.0)
 
 
-def read_cloud(path: Path) -> Floats:
-    """Points (n, 3) in metres, those that are finite. Raises `InvalidInput` for what cannot be read."""
-    found = _read(path, {".npy": _array, ".pcd": _pcd, ".ply": _ply, ".csv": _rows}, "file of points")
+def read_cloud(path: Path, unit_m: float = 1.0) -> Floats:
+    """Points (n, 3) in metres, those that are finite. Raises `InvalidInput` for what cannot be read.
+
+    The file counts in `unit_m`; whole numbers in a `.npy` are millimetres.
+    """
+    readers: dict[str, Callable[[bytes], Floats]] = {".npy": partial(_array, unit_m=unit_m)}
+    readers |= {".pcd": _in(unit_m, _pcd), ".ply": _in(unit_m, _ply), ".csv": _in(unit_m, _rows)}
+    found = _read(path, readers, "file of points")
     if found.shape[1] != 3:
-        raise _refused(path, f"it has {found.shape[1]} columns", "give x, y and z of each point in metres")
+        raise _refused(path, f"it has {found.shape[1]} columns", "give x, y and z of each point")
     kept: Floats = found[np.isfinite(found).all(axis=1)]
     if (np.abs(kept) > FARTHEST_M).any():
-        raise _refused(path, f"a coordinate is greater than {FARTHEST_M:.0f} m", "give points in metres")
+        hint = "say with --unit in what the file counts"
+        raise _refused(path, f"a coordinate is greater than {FARTHEST_M:.0f} m", hint)
     return kept
+
+
+def _in(unit_m: float, read: Callable[[bytes], Floats]) -> Callable[[bytes], Floats]:
+    """A reader whose lengths are in a unit."""
+    return lambda data: np.asarray(read(data) * unit_m, float)
 
 
 def _rows(data: bytes) -> Floats:
@@ -82,7 +94,7 @@ def _read(path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: st
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise _refused(path, f"'{path.suffix}' is not a kind of {what}", f"one of: {', '.join(readers)}")
-    data = _bytes(path)
+    data = foreign_bytes(path, "K702", "it", MAX_BYTES)
     try:
         return reader(data)
     except Exception as error:  # what a garbled file makes the readers raise is not laid down
@@ -91,23 +103,15 @@ def _read(path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: st
         raise _refused(path, f"it cannot be read: {said}", hint) from None
 
 
-def _bytes(path: Path) -> bytes:
-    try:
-        return read_bytes(path, str(path), MAX_BYTES)
-    except InvalidInput as error:
-        said = error.diagnostics[0].message.removeprefix("cannot be read: ")
-        raise _refused(path, f"it cannot be read: {said}", "is it a file that can be read?") from None
-
-
 def _refused(path: Path, message: str, hint: str) -> InvalidInput:
     return InvalidInput([Diagnostic(Source(str(path)), "K702", message, hint)])
 
 
-def _array(data: bytes) -> Floats:
+def _array(data: bytes, unit_m: float = 1.0) -> Floats:
     found = np.load(io.BytesIO(data), allow_pickle=False)
     if found.ndim != 2 or found.dtype.kind not in "fiu":
         raise ValueError("not an array of two dimensions with numbers")
-    scale = 1.0 if found.dtype.kind == "f" else PNG_UNIT_M
+    scale = unit_m if found.dtype.kind == "f" else PNG_UNIT_M
     return np.asarray(found, dtype=float) * scale
 
 

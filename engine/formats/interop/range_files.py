@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from engine.formats.interop.depth_files import MAX_BYTES, read_depth
+from engine.formats.interop.depth_files import MAX_BYTES, PNG_UNIT_M, read_depth
 from engine.model.geometry import Floats
 from engine.model.ranging import RangeImage, picture_of
 from engine.stages.vision.ranging import of_depths
@@ -18,6 +18,17 @@ from kb.model.ranging import Ranging
 
 OWN = ".npz"
 LARGEST = 1e6  # m
+SENSE = {  # what each size of a tool is more than, and at most; as in a cell
+    "view_rad": (0.0, 2.6),
+    "wavelength_m": (0.0, 1e3),
+    "noise_m": (0.0, 1.0),
+    "at_m": (0.0, 1e3),
+    "beam_rad": (0.0, 0.1),
+    "pointing_rad": (-1e-12, 0.1),
+    "grazing_rad": (0.0, 1.5707),
+    "dropouts": (-1e-12, 0.9),
+}
+WHOLE = 1e-6  # of a count: what differs by less from a whole number is one
 
 
 def write_ranges(path: Path, image: RangeImage) -> None:
@@ -29,7 +40,13 @@ def write_ranges(path: Path, image: RangeImage) -> None:
     made = io.BytesIO()
     told = json.dumps(asdict(image.tool))
     np.savez_compressed(
-        made, range_m=image.range_m, strength=image.strength, wrapped=image.wrapped, tool=np.array(told)
+        made,
+        range_m=image.range_m,
+        strength=image.strength,
+        wrapped=image.wrapped,
+        guessed=image.guessed,
+        step_m=image.step_m,
+        tool=np.array(told),
     )
     try:
         path.write_bytes(made.getvalue())
@@ -38,13 +55,19 @@ def write_ranges(path: Path, image: RangeImage) -> None:
 
 
 def read_ranges(path: Path, tool: Ranging | None = None) -> RangeImage:
-    """The image in a file: `.npz` as written by `write_ranges`, or a depth image for a tool. Raises `InvalidInput`."""
+    """The image in a file: `.npz` as written by `write_ranges`, or a depth image for a tool. Raises `InvalidInput`.
+
+    Depths that are all whole millimetres were rounded to these.
+    """
     if path.suffix.lower() == OWN:
         return _own(path)
     if tool is None:
-        hint = f"give a {OWN} file that `measurement image` has written"
+        hint = f"say it with --tool, or give a {OWN} file that `measurement image` has written"
         raise _refused(path, "a depth image does not tell which tool took it", hint)
-    return of_depths(read_depth(path, picture_of(tool)), tool)
+    depth = read_depth(path, picture_of(tool))
+    counts = depth / PNG_UNIT_M
+    whole = bool((np.abs(counts - np.rint(counts)) < WHOLE).all())
+    return of_depths(depth, tool, PNG_UNIT_M if whole else 0.0)
 
 
 def _own(path: Path) -> RangeImage:
@@ -54,18 +77,22 @@ def _own(path: Path) -> RangeImage:
             tool = _tool(parsed(str(found["tool"])))
             ranges, strength = (_checked(found[name], tool) for name in ("range_m", "strength"))
             wrapped = bool(found["wrapped"])
+            guessed = "guessed" in found and bool(found["guessed"])
+            step_m = float(found["step_m"]) if "step_m" in found else 0.0
+            if not 0.0 <= step_m < LARGEST:
+                raise ValueError("its depths are rounded to no length")
     except Exception as error:  # what a garbled file makes the readers raise is not laid down
         said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         raise _refused(path, f"it cannot be read: {said}", "write it with `measurement image`") from None
     known = (ranges > 0) & (strength > 0)
-    return RangeImage(tool, np.where(known, ranges, 0.0), np.where(known, strength, 0.0), wrapped)
+    ranges, strength = (np.where(known, each, 0.0) for each in (ranges, strength))
+    return RangeImage(tool, ranges, strength, wrapped, guessed, step_m)
 
 
 def _tool(said: Any) -> Ranging:
     tool = Ranging(**said)
-    sizes = (tool.view_rad, tool.wavelength_m, tool.noise_m, tool.at_m, tool.beam_rad)
     whole = all(isinstance(each, int) and 4 <= each <= 2048 for each in (tool.width, tool.height))
-    if not whole or not all(0 < each < LARGEST for each in sizes) or not tool.view_rad < np.pi:
+    if not whole or not all(low < getattr(tool, key) <= high for key, (low, high) in SENSE.items()):
         raise ValueError("the tool makes no sense")
     return tool
 

@@ -36,7 +36,7 @@ def entry(found: Fitting) -> dict[str, Any]:
 
 def related(found: Iterable[Related]) -> list[dict[str, Any]]:
     """Distances in metres and angles in radians, with their standard deviations."""
-    return [{"what": each.what, "value": each.value, "sigma": each.sigma} for each in found]
+    return [{"what": each.what, "of": each.of, "value": each.value, "sigma": each.sigma} for each in found]
 
 
 def text(found: Iterable[Fitting], between: Iterable[Related]) -> Text:
@@ -49,8 +49,8 @@ def text(found: Iterable[Fitting], between: Iterable[Related]) -> Text:
 def _between(each: Related) -> str:
     sure = COVERAGE * each.sigma
     if each.what == "angle":
-        return f"angle between them {np.degrees(each.value):.4f} degrees to {np.degrees(sure):.2g} degrees"
-    return f"{each.what} between them {1e3 * each.value:.4f} mm to {1e3 * sure:.2g} mm"
+        return f"angle {each.of} {np.degrees(each.value):.4f} degrees to {np.degrees(sure):.2g} degrees"
+    return f"{each.what} {each.of} {1e3 * each.value:.4f} mm to {1e3 * sure:.2g} mm"
 
 
 def _lines(found: Fitting) -> list[str]:
@@ -66,9 +66,24 @@ def _lines(found: Fitting) -> list[str]:
     return [*lines, f"the points that belong to it deviate {off}"]
 
 
+def _place(found: Fit) -> str:
+    """Where a shape is, and how sure that is in the directions in which it can be told."""
+    where = f"({', '.join(f'{1e3 * each:.4f}' for each in found.origin)}) mm"
+    if found.shape in (Shape.SPHERE, Shape.CIRCLE):
+        turned = found.T_world_shape[:3, :3] @ found.covariance[:3, :3] @ found.T_world_shape[:3, :3].T
+        return f"centre {where} to ({', '.join(_wide(each) for each in np.sqrt(np.diag(turned)))}) mm"
+    if found.shape is Shape.PLANE:
+        return f"point on it {where} to {_wide(found.deviation('z'))} mm along its normal"
+    across = float(np.sqrt(np.linalg.eigvalsh(found.covariance[:2, :2])[-1]))
+    return f"point on its axis {where} to {_wide(across)} mm across it"
+
+
+def _wide(sigma_m: float) -> str:
+    return f"{1e3 * COVERAGE * sigma_m:.2g}"
+
+
 def _sizes(found: Fit) -> list[str]:
-    where = ", ".join(f"{1e3 * each:.3f}" for each in found.origin)
-    lines = [f"{'centre' if found.shape in (Shape.SPHERE, Shape.CIRCLE) else 'point on it'} ({where}) mm"]
+    lines = [_place(found)]
     if found.shape is not Shape.SPHERE:
         name = "normal" if found.shape in (Shape.PLANE, Shape.CIRCLE) else "axis"
         tilt = np.degrees(COVERAGE * max(found.deviation("tilt_x"), found.deviation("tilt_y")))

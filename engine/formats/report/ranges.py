@@ -61,6 +61,7 @@ def surface_text(found: MeasuredSurface) -> Text:
     window = found.window
     size = f"{window.right - window.left} x {window.bottom - window.top} pixels"
     lines = [f"{found.name} with {found.poses.tool}{where}: {answered(found.image)}"]
+    lines += _how(found.image)
     lines.append(f"patch of {size}, expected to tell the surface to {_wide(found.expected_m)}")
     if isinstance(found.fit, Fit):
         lines.append(
@@ -92,11 +93,11 @@ def surface_content(found: MeasuredSurface) -> dict[str, Any]:
 
 
 def dimensions_text(
-    found: Mapping[str, Fitting], between: Mapping[str, tuple[Related, ...]], edges: Edges
+    image: RangeImage, found: Mapping[str, Fitting], between: Mapping[str, tuple[Related, ...]], edges: Edges
 ) -> Text:
-    """Fits by name, and what is between them, in sentences."""
+    """An image, fits in it by name, and what is between them, in sentences."""
     counts = [f"{int(edges.on(kind).sum())} on {kind.name.lower()}s" for kind in COLOURS]
-    lines = [f"pixels at edges: {', '.join(counts)}"]
+    lines = [answered(image), *_how(image), f"pixels at edges: {', '.join(counts)}"]
     for name, each in found.items():
         said = fits.text([each], ()).plain.replace("as far as --noise says", "as far as the image says")
         said = said.replace("times as far as --noise says", "times as far as the image says")
@@ -107,11 +108,21 @@ def dimensions_text(
     return Text("\n".join(lines))
 
 
+def _how(image: RangeImage) -> list[str]:
+    """What a depth image does not tell."""
+    said = ["strengths are not known: they are taken from distance and slope"] if image.guessed else []
+    rounded = f"depths are rounded to {1e3 * image.step_m:.3g} mm: what was rounded alike counts as one value"
+    return [*said, *([rounded] if image.step_m else [])]
+
+
 def dimensions_content(
-    found: Mapping[str, Fitting], between: Mapping[str, tuple[Related, ...]], edges: Edges
+    image: RangeImage, found: Mapping[str, Fitting], between: Mapping[str, tuple[Related, ...]], edges: Edges
 ) -> dict[str, Any]:
     """The same as plain values, in metres and radians, in the frame of the tool's eye."""
     return {
+        "answered": float((image.range_m > 0).mean()),
+        "strength_known": not image.guessed,
+        "rounded_to": image.step_m,
         "fits": {name: fits.entry(each) for name, each in found.items()},
         "between": {name: fits.related(each) for name, each in between.items()},
         "edges": {kind.name.lower(): int(edges.on(kind).sum()) for kind in COLOURS},

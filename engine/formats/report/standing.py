@@ -16,6 +16,7 @@ from engine.stages.execution import Program, Running, standing_of
 from engine.stages.execution.outlook import TOLERANCE_MS, Accuracy, Window, outlook
 
 LOG, FACTS = 8, 6  # lines of the log, last changes of the world
+HALTED = "stopped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ class Standing:
             case RecordKind.PHASE:
                 self.phase = content["phase"]
             case RecordKind.END:
-                self.phase = content["outcome"]
+                self._end(content["outcome"])
             case _:
                 pass
         self.log.extend(narrated(record))
@@ -111,11 +112,19 @@ class Standing:
             if number in self.under_way:
                 self._stand(step, "running", self.under_way[number][2])
 
+    def _end(self, outcome: str) -> None:
+        self.phase = outcome
+        if outcome == HALTED:  # nothing of what was under way is answered any more
+            self.under_way.clear()
+
     def _command(self, record: Record) -> None:
         content = record.content
         if content["command_kind"] in ("wait", "continue"):
             return
-        if self.phase == "ready":  # that a plan was approved is an order, and no phase of its own
+        if self.phase in (
+            "ready",
+            HALTED,
+        ):  # that a plan was approved, or a run is taken up, is no phase of its own
             self.phase = "running"
         said = (content["stream"], content["action"], record.at_ms, content["lasts_ms"])
         self.under_way[content["command"]] = said

@@ -12,6 +12,7 @@ from engine.model.wording import counted
 
 NOTED = ("not conforming", "undecided", "doubtful", "failed")  # verdicts that are listed one by one
 MANY = 40
+AGAIN = ("measured again", "because", "values that count", "so it is")
 
 
 def entry(survey: Survey) -> dict[str, Any]:
@@ -53,9 +54,9 @@ def _parts(survey: Survey) -> Iterator[RenderableType]:
     if rows:
         yield TextTable(("feature", "quantity", "value", "from", "to", "verdict", ""), rows[:MANY])
         yield from _more(len(rows))
-    again = [_repeated(each) for each in survey.features if each.again]
+    again = repeated(survey)
     if again:
-        yield TextTable(("measured again", "because", "values that count", "so it is"), again[:MANY])
+        yield TextTable(AGAIN, again[:MANY])
         yield from _more(len(again))
     bad = [(one.of, _number(one.value, one.unit), why) for each in survey.features for one, why in each.bad]
     if bad:
@@ -66,6 +67,11 @@ def _parts(survey: Survey) -> Iterator[RenderableType]:
             ("not measured", "because"), [(each.name, each.why) for each in survey.unmeasured[:MANY]]
         )
         yield from _more(len(survey.unmeasured))
+
+
+def repeated(survey: Survey) -> list[tuple[str, ...]]:
+    """What was measured again, a row for each feature: its name, why, the values that count with their tools, the verdict."""
+    return [_repeated(each) for each in survey.features if each.again]
 
 
 def _repeated(each: Feature) -> tuple[str, ...]:

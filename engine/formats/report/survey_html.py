@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from engine.formats.report.survey import lying, shown, summary
+from engine.formats.report.survey import AGAIN, lying, repeated, shown, summary
 from engine.model.verdicts import Feature, Survey
 from kb.model.results import Results
 
@@ -47,6 +47,7 @@ def document(results: Results, survey: Survey) -> str:
             *_legend(survey),
             *_pictures(survey),
             *_features(survey),
+            *_again(survey),
             *_left_out(survey),
             *_unmeasured(survey),
             "</body></html>",
@@ -113,6 +114,12 @@ def _row(each: Feature) -> tuple[str, ...]:
     numbers = ("" if value is None else f"{value:g}" for value in (each.nominal, each.lower, each.upper))
     cells = (each.of, each.quantity, shown(each), *numbers, str(len(each.values)))
     return (*map(escape, cells), _dot(each.judged) + escape(each.judged), escape(each.doubt))
+
+
+def _again(survey: Survey) -> Iterator[str]:
+    if rows := repeated(survey):
+        yield "<h2>Measured again</h2>"
+        yield _table(("feature", *AGAIN[1:]), (tuple(map(escape, row)) for row in rows))
 
 
 def _left_out(survey: Survey) -> Iterator[str]:

@@ -262,8 +262,8 @@ class ControllerDriver:
         except Garbage as error:
             self._trouble(TroubleKind.GARBAGE, str(error))
             found = []
-        known = {each.number: each for each in found}
-        self._pending.told(found, self.now_ms())
+        known = {each.number: each for each in found if each.number in numbers}
+        self._pending.told(tuple(known.values()), self.now_ms())
         return [known.get(number, Report(number, Fate.UNKNOWN)) for number in numbers]
 
     def close(self) -> None:

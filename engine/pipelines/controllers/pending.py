@@ -1,10 +1,11 @@
 """The commands that a controller has and has not answered, and what it says about them: in order, once, and in time."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, MutableSet, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report, Trouble, TroubleKind
+from engine.model.number_set import NumberSet
 from engine.pipelines.controllers.protocol import Garbage
 
 
@@ -20,7 +21,7 @@ class Pending:
     open: dict[int, Command] = field(default_factory=dict)
     out: list[Message] = field(default_factory=list)
     _sent: dict[int, int] = field(default_factory=dict)  # when each open command was sent
-    _ended: set[int] = field(default_factory=set)
+    _ended: MutableSet[int] = field(default_factory=NumberSet)
     _parts: dict[tuple[int, str], list[str]] = field(default_factory=dict)
     _held: dict[int, Reply] = field(default_factory=dict)  # came before those of commands ahead in the queue
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.fits import PARAMETERS, Fit, Fitting, Related, Shape, Unfitted
+from engine.model.fits import PARAMETERS, Cloud, Fit, Fitting, Related, Shape, Unfitted
 from engine.model.geometry import Floats
 from engine.model.ranging import Edges, RangeImage, Window
+from engine.pipelines.dimensions.limbs import without_own_limb
 from engine.stages.fitting.between import between
 from engine.stages.fitting.surfaces import fitted
 from engine.stages.vision.edges import edges_of
@@ -47,9 +48,33 @@ def related(found: Dimensions, one: str, other: str) -> tuple[Related, ...]:
 
 
 def _found(image: RangeImage, edges: Edges, asked: Asked) -> Fitting:
-    if asked.shape is not Shape.CIRCLE:
-        return fitted(asked.shape, cloud_of(image, edges, asked.window))
-    plane = fitted(Shape.PLANE, cloud_of(image, edges, asked.window))
+    shape = Shape.PLANE if asked.shape is Shape.CIRCLE else asked.shape
+    cloud = cloud_of(image, edges, asked.window)
+    found = fitted(shape, cloud)
+    if isinstance(found, Fit) and (own := without_own_limb(image, edges, found, cloud)) is not None:
+        more = cloud_of(image, own, asked.window)
+        again = fitted(shape, more, near=found)
+        found, cloud = (again, more) if isinstance(again, Fit) else (found, cloud)
+    found = _rounded(found, cloud, image) if isinstance(found, Fit) else found
+    return _circle(image, found, asked) if asked.shape is Shape.CIRCLE else found
+
+
+def _rounded(found: Fit, cloud: Cloud, image: RangeImage) -> Fit:
+    """The fit, as sure as rounded depths let it be: all points of one depth were rounded alike, so they count as one."""
+    if not image.step_m:
+        return found
+    depths = np.rint(cloud.points[found.used, 2] / image.step_m)
+    alike = len(depths) / len(np.unique(depths))
+    own, rounding = float(np.median(cloud.sigma_m)) ** 2, image.rounding_m**2
+    return replace(found, covariance=found.covariance * (own + (alike - 1.0) * rounding) / own)
+
+
+def _circle(image: RangeImage, plane: Fitting, asked: Asked) -> Fitting:
+    """The rim of a plane."""
+    if image.guessed:
+        return Unfitted(
+            "a depth image does not tell how strong answers were, and with them how much of a beam met the plane"
+        )
     if isinstance(plane, Unfitted):
         return Unfitted(f"a circle is the rim of a plane, and there is none: {plane.reason}")
     offset_m = float(plane.axis @ plane.origin)

@@ -1,6 +1,6 @@
 """Where a surface is, by the patch of a range image that is kept for its measurement."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from engine.pipelines.dimensions import Asked, dimensions
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.places import with_measured_places
 from engine.pipelines.poses import chosen_tools, known_poses, station_world
-from engine.pipelines.poses.views import eye_of, solids_before, taken, window_of
+from engine.pipelines.poses.views import eye_of, solids_before, taken, whole, window_of
 from engine.ports import GeometryBackend
 from engine.stages.geometry import transforms
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
@@ -23,14 +23,29 @@ from kb.model.ranging import Ranging
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Seeing:
+    """How an image comes about. `expected_to_m` is the standard deviation of where the part is.
+
+    `read` gives the image that a tool has taken. Without it an image is made, with errors by `seed`; everything really lies
+    `displaced_m` (3,) from where it is expected, in the world.
+    """
+
+    expected_to_m: float
+    seed: int = 0
+    displaced_m: Floats | None = None
+    read: Callable[[Ranging], RangeImage] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class MeasuredSurface:
     """The image, the patch, the plane in it, and how far the surface is from where it should be, along its normal, in metres.
 
-    `expected_m` is the standard deviation that was expected when the patch was chosen.
+    `answered` is the image before its ranges were resolved. `expected_m` is the standard deviation that was expected when the patch was chosen.
     """
 
     name: str
     poses: MeasurementPoses
+    answered: RangeImage
     image: RangeImage
     edges: Edges
     window: Window
@@ -50,17 +65,20 @@ def measured_surface(
     cell: Cell,
     backend: GeometryBackend,
     name: str,
-    expected_to_m: float,
-    seed: int,
-    displaced_m: Floats | None = None,
+    seeing: Seeing,
 ) -> MeasuredSurface | Vague:
-    """The surface at a measurement that a laser ranging tool takes, in a made image. Raises `InvalidInput` for one that it does not."""
+    """The surface at a measurement that a laser ranging tool takes. Raises `InvalidInput` for one that it does not."""
     tools = chosen_tools(PlanGate().semantics(problem))
     how, ranging = _ranging(problem, cell, tools, name)
-    poses, place, whole = _pose(problem, cell, backend, name, tools)
-    world = station_world(whole, PlanGate().semantics(problem), poses.station, place)
+    poses, place, placed = _pose(problem, cell, backend, name, tools)
+    world = station_world(placed, PlanGate().semantics(problem), poses.station, place)
     eye = eye_of(world, place, how, ranging, poses.straight[0][-1], solids_before(world, place.arm))
-    image = taken(eye, expected_to_m, seed, displaced_m)
+    answered = (
+        taken(eye, seeing.seed, seeing.displaced_m)
+        if seeing.read is None
+        else _given(seeing.read(ranging), ranging, tools[name])
+    )
+    image = whole(eye, answered, seeing.expected_to_m)
     if isinstance(image, Vague):
         return image
     at = place.surface or place.placement
@@ -71,7 +89,24 @@ def measured_surface(
     found = dimensions(image, [Asked(name, Shape.PLANE, window)])
     fit = found.fits[name]
     off, sigma = _off(fit, eye.T_world_eye, point, normal) if isinstance(fit, Fit) else (0.0, 0.0)
-    return MeasuredSurface(name, poses, image, found.edges, window, fit, off, sigma, poses.sigma_m)
+    return MeasuredSurface(name, poses, answered, image, found.edges, window, fit, off, sigma, poses.sigma_m)
+
+
+def ranging_of(cell: Cell, tool: str) -> Ranging:
+    """What a laser ranging tool of a cell is like. Raises `InvalidInput` for a name that is none."""
+    known = {name: each.ranging for name, each in cell.measuring.items() if each.ranging is not None}
+    if (found := known.get(tool)) is None:
+        raise InvalidInput([unknown_name("laser ranging tool", tool, known, Source(cell.path or cell.name))])
+    return found
+
+
+def _given(image: RangeImage, tool: Ranging, name: str) -> RangeImage:
+    """An image that was read, if this tool has taken it."""
+    if image.tool != tool:
+        message = f"another tool than {name} of this cell has taken the image"
+        hint = f"take it with {name}, or correct `ranging` in the cell"
+        raise InvalidInput([Diagnostic(Source(name), "K702", message, hint)])
+    return image
 
 
 def _ranging(problem: Problem, cell: Cell, tools: Mapping[str, str], name: str) -> tuple[Measuring, Ranging]:

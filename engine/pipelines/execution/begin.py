@@ -111,9 +111,17 @@ def begin(
 
 
 def resume(
-    store: str, run: str, orders: Orders, watchers: Sequence[Watcher] = (), limits: Limits = Limits()
+    store: str,
+    run: str,
+    orders: Orders,
+    watchers: Sequence[Watcher] = (),
+    limits: Limits = Limits(),
+    factor: float | None = None,
 ) -> Finish:
-    """Go on with a run from its journal. Raises `InvalidInput` if there is none, or if it is over."""
+    """Go on with a run from its journal; with another `factor` of real time, if one is given.
+
+    Raises `InvalidInput` if there is no such run, or if it is over.
+    """
     with Journal(store) as journal:
         about = journal.known(run).document
         problem = _problem(*(str(about.get(each, "")) for each in ("target", "goals", "command")))
@@ -130,7 +138,9 @@ def resume(
         if past.plan is None or past.ended in OVER:
             said = f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
             raise InvalidInput([Diagnostic(Source(run), "K421", said, "begin another run")])
-        made = driver(str(about["driver"]), setup_of({**about, **past.run}, problem, run))
+        setup = setup_of({**about, **past.run}, problem, run)
+        setup = setup if factor is None else replace(setup, factor=factor)
+        made = driver(str(about["driver"]), setup)
         try:
             recorder = Recorder(Ledger(journal, run), made.now_ms, watchers, past.last)
             paths = _paths(about, past.whole, store) if about.get("motion") else None
@@ -139,6 +149,15 @@ def resume(
             return _cleared(Wanted("", store=store, run=run, options=about["options"]), ending)
         finally:
             made.close()
+
+
+def followed(store: str, run: str, factor: float | None = None) -> tuple[float, Sequence[Record]]:
+    """How fast a run goes on, and its records from its last plan on, for who looks on. Raises `InvalidInput` if there is none."""
+    with Journal(store) as journal:
+        pace = float(journal.known(run).document["factor"]) if factor is None else factor
+        last = journal.last(run, RecordKind.PLAN.value)
+        lines = journal.lines(run, last - 1) if pace and last else ()
+        return pace, [Record(line.number, line.at_ms, RecordKind(line.kind), line.content) for line in lines]
 
 
 def _problem(target: str, goals: str, command: str) -> Problem:

@@ -65,7 +65,7 @@ def located(problem: Problem, measured: Sequence[Measured]) -> tuple[tuple[str, 
 
 @dataclass(frozen=True, slots=True)
 class Looks:
-    """Datums that are measured again before the part counts as found, with how often; `refused` says why that would not do."""
+    """Datums that are measured again before the part counts as found, with how often; `refused` says why measuring again is not enough."""
 
     names: Mapping[str, int] = field(default_factory=dict)
     told: str = ""

@@ -35,7 +35,7 @@ from kb.model.problem import Problem
 from kb.model.results import Measured
 from kb.store.journal import Line
 
-ALIGNED, AGAIN = "aligned", "again"  # why there is another plan
+ALIGNED, AGAIN = "aligned", "again"  # reasons for another plan
 MISFIT = "not_aligned"  # the reply that the fault base knows for datums that fit nowhere
 ROUNDS = 6  # of repeated measurements
 SHOWN = 8  # names in a line

@@ -1,11 +1,12 @@
 """How far a run is, and what its steps do to that: commands are posted, the world model follows, everything is noted."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, MutableSet
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from engine.model.execution import NO_MOTION, Command, CommandKind, Phase, RecordKind, Reply, RunState
+from engine.model.number_set import NumberSet
 from engine.model.verdicts import Spoilt
 from engine.pipelines.execution.commands import command_of
 from engine.pipelines.execution.compiling import Compiled
@@ -22,6 +23,7 @@ from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
 from engine.stages.execution.outlook import Accuracy
 from engine.stages.macros.lifted.world import StepChange
+from kb.model.plan import Plan
 from kb.model.results import Measured
 from kb.terms import Atom
 
@@ -78,13 +80,13 @@ class Written:
     number: int = 0
     head: dict[str, Any] = field(default_factory=dict)
     steps: int = 0
-    done: set[int] = field(default_factory=set)
+    done: MutableSet[int] = field(default_factory=NumberSet)
     checkpoint: int = 0
     history: int = 0
 
     def plan(self, number: int, entry: Mapping[str, Any]) -> None:
         """Another plan is in the record of this number."""
-        self.number, self.steps, self.done = number, len(entry["order"]), set()
+        self.number, self.steps, self.done = number, len(entry["order"]), NumberSet()
         self.head = head_of(entry)
 
 
@@ -113,7 +115,7 @@ class Progress:
     values: list[Measured] = field(default_factory=list)  # all that were measured in the run
     spoilt: list[Spoilt] = field(default_factory=list)  # those of them that do not count any more
     part: tuple[float, ...] = ()  # where the part lies, if it was found out
-    done: set[int] = field(default_factory=set)
+    done: MutableSet[int] = field(default_factory=NumberSet)
     written: Written = field(default_factory=Written)
     outbox: list[Command] = field(default_factory=list)
     pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
@@ -132,6 +134,12 @@ class Progress:
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
     calm: int = 1  # twice as much as before has to change after each review that came to nothing
+    looked: tuple[int, frozenset[int]] | None = (
+        None  # how it stood when the plan was last reviewed for nothing
+    )
+    way: tuple[tuple[Atom, ...], frozenset[Atom], Plan | None] | None = (
+        None  # how to take something away, as asked last
+    )
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, and measurements began
     measured: str = ""  # what facts of measurements that are made are called
@@ -149,8 +157,8 @@ class Progress:
         """Go on with another program."""
         self.compiled, self.standing = compiled, standing
         self.replies = Replies(compiled)
-        self.done, self.review, self.off_ms = set(), "", 0
-        self.waited = frozenset()
+        self.done, self.review, self.off_ms = NumberSet(), "", 0
+        self.waited, self.looked = frozenset(), None
         self.sent = {number: self._renumbered(number) for number in standing.running}
         self.entire = None
 

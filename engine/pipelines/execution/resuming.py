@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.model.execution import Order, Phase, Record, RecordKind
+from engine.model.number_set import NumberSet
 from engine.model.verdicts import Spoilt
 from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.compiling import Compiled
@@ -244,7 +245,7 @@ class Past:
     def written(self) -> Written:
         """What the journal holds of the plan."""
         assert self.plan is not None
-        held = Written(done=set(self.done), checkpoint=self.checkpoint, history=self.told)
+        held = Written(done=NumberSet(self.done), checkpoint=self.checkpoint, history=self.told)
         held.number, held.steps, held.head = self.plan_number, len(self.plan["steps"]), head_of(self.plan)
         return held
 

@@ -6,11 +6,13 @@ Another plan is followed only if it pays.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 from engine.model.cases import Revision
 from engine.model.outcome import Found
 from engine.pipelines import planning
 from engine.pipelines.execution.choosing import Choice, busy, choices
+from engine.pipelines.execution.compiling import unit_ms
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
 from engine.pipelines.execution.planned import SHORT, Ready, again, in_windows, ready
 from engine.pipelines.execution.progress import Progress
@@ -53,7 +55,20 @@ class Better:
 
 
 def reviewed(course: Progress, scope: Scope, limits: Limits) -> Better | None:
-    """A better plan for what is left, with what is under way as it is; None if there is none."""
+    """A better plan for what is left, with what is under way as it is; None if there is none.
+
+    After a review that came to nothing, the next one waits until something has begun or ended, and needs twice as much reason.
+    """
+    stands = course.standing.done, frozenset(course.standing.running)
+    if stands == course.looked:
+        return None
+    found = _reviewed(course, scope, limits)
+    course.looked = None if found is not None else stands
+    course.calm = 1 if found is not None else 2 * course.calm
+    return found
+
+
+def _reviewed(course: Progress, scope: Scope, limits: Limits) -> Better | None:
     now = course.driver.now_ms()
     present = prospect(course.compiled.program, course.standing, now)
     best: tuple[Prospect, Joined] | None = None
@@ -151,24 +166,53 @@ def _others(course: Progress, scope: Scope, limits: Limits, late: bool) -> Itera
 
 
 def _taken_away(course: Progress, scope: Scope, state: WorldState, limits: Limits) -> Plan | None:
-    """A plan that first takes away what would stay too long; None if there is none."""
+    """A plan that first takes away what would stay too long; None if there is none, or if nothing is taken away sooner by it."""
     waiting = sorted(course.standing.dwelling.items(), key=lambda each: (each[1], each[0].target))
     if not waiting:
         return None
-    rest = scope.rest(state)
-    goal = And(tuple(map(Literal, course.compiled.changes[waiting[0][0].target].adds)))
-    first = planning.plan(replace(rest, goal=goal, chains=()), limits)
-    if not isinstance(first, Found):
+    rest, target = scope.rest(state), waiting[0][0].target
+    first = _way_to(course, rest, target, state, limits)
+    if first is None or not _is_sooner(course, first, target, unit_ms(rest.domain)):
         return None
     dynamics, after = Dynamics(rest), WorldState(state.facts, {chain.name: 0 for chain in rest.chains})
-    for step in first.plan.steps:
+    for step in first.steps:
         after = dynamics.after(step.operator, after)
     reached = {name: state.reached[name] + more for name, more in after.reached.items()}
     then = scope.rest(WorldState(after.facts, {**state.reached, **reached}))
     second = recover(then, Revision(), limits, None, after.facts)
     if not isinstance(second.outcome, Found) or second.given_up:
         return None
-    return _one(rest, (*first.plan.steps, *second.outcome.plan.steps))
+    return _one(rest, (*first.steps, *second.outcome.plan.steps))
+
+
+def _way_to(course: Progress, rest: Problem, target: int, state: WorldState, limits: Limits) -> Plan | None:
+    """The steps that take something away, and what has to be done before; None if there are none."""
+    adds = course.compiled.changes[target].adds
+    if course.way is None or course.way[:2] != (adds, state.facts):
+        goal = And(tuple(map(Literal, adds)))
+        found = planning.plan(replace(rest, goal=goal, chains=()), limits)
+        course.way = adds, state.facts, found.plan if isinstance(found, Found) else None
+    return course.way[2]
+
+
+def _is_sooner(course: Progress, first: Plan, target: int, unit: Fraction) -> bool:
+    """Whether something can be taken away sooner than it will be, if nothing else is done before.
+
+    A step waits for what is under way as the same step of the plan does.
+    """
+    program, now = course.compiled.program, course.driver.now_ms()
+    begins, ends = _times(program, course.standing, now)
+    under_way = {each.activity for each in course.standing.running.values()}
+    waits = {program.activities[each].action: program.activities[each].after for each in reversed(begins)}
+    free = {r: ends[each] for each in under_way for r in program.activities[each].resources}
+    start, done = now, dict[StepId, int]()
+    for step in first.steps:
+        times = [now, *(done[each] for each in step.after), *(free.get(str(r), now) for r in step.resources)]
+        behind = [ends[each] for each in waits.get(str(step.operator), ()) if each in under_way]
+        start = max(times + behind)
+        done[step.id] = start + int(step.duration * unit)
+        free |= dict.fromkeys(map(str, step.resources), done[step.id])
+    return start < begins.get(target, start)
 
 
 def _one(rest: Problem, steps: tuple[Step, ...]) -> Plan:

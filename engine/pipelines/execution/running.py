@@ -239,7 +239,6 @@ class Execution:
     def _reviewed(self, course: Course, handler: ExceptionHandler, why: str) -> None:
         """Follow a better plan for what is left, if there is one: one that keeps what this one would break, or is sooner done."""
         found = reviewed(course, handler.scope, self.limits)
-        course.calm = 1 if found is not None else 2 * course.calm
         if found is not None:
             self.recorder.note(
                 RecordKind.DECISION, what="another order of what is left", why=f"{why}: {found.why}"

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from engine.model.execution import Command, CommandKind, Fate, Phase, Reply, Report
+from engine.model.number_set import NumberSet
 from engine.pipelines.execution.compiling import Compiled, queued
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.records import compiled_of
@@ -103,4 +104,4 @@ def restore(course: Course, past: Past) -> None:
     course.sent = {number: (dict(entry), at_ms) for number, (entry, at_ms) in past.sent.items()}
     course.noted, course.since = course.recorder.last, dict(past.since)
     course.accuracy = past.accuracy
-    course.done, course.history = set(past.done), past.history
+    course.done, course.history = NumberSet(past.done), past.history

@@ -19,6 +19,7 @@ from kb.model.problem import Problem
 from kb.store import Library
 
 PLAN, TIMETABLE = "a plan", "a timetable"
+SHORT = 40  # letters of the name of a MACROP that are told whole
 
 
 @dataclass
@@ -106,7 +107,8 @@ def _look_up(work: Work) -> bool:
         found = practice.plan(work.problem)
     work.outcome = found.outcome
     if found.origin != "planner":
-        work.notes.append(f"from {found.origin}{f': {found.name}' if found.name else ''}")
+        named = found.name if len(found.name) <= SHORT else f"{found.name.partition('(')[0]}(...)"
+        work.notes.append(f"from {found.origin}{f': {named}' if named else ''}")
     return isinstance(found.outcome, Found)
 
 

@@ -1,4 +1,4 @@
-"""A camera as it really is, whatever is believed of it: where it stands, what it makes of depths, and the images that it takes."""
+"""A camera as it really is, which may differ from what is believed of it: where it stands, what it makes of depths, and the images that it takes."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ LEAN = 0.01  # how far a plate leans: the standard deviation for each axis
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """By what a camera differs from what is believed: a displacement and a turn along its own axes, its focal length (a factor), its
+    """How a camera differs from what is believed of it: a displacement and a turn along its own axes, its focal length (a factor), its
     centre in pixels, and depths: an offset and a factor.
     """
 

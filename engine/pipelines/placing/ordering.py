@@ -93,7 +93,7 @@ def _followed(
 
 
 def key_of(move: Move, spots: Mapping[str, Spot], near: Floats) -> Key:
-    """By what the carries of a move are known: the parts at their spots, and where the arm is (k,)."""
+    """The key under which the carries of a move are remembered: the parts at their spots, and where the arm is (k,)."""
     return move, frozenset(spots.items()), near.tobytes()
 
 

@@ -31,7 +31,7 @@ class Seen:
 def recognised_in(scene: Scene, parts: Sequence[str], seed: int, given: Floats | None = None) -> Seen:
     """The part that is seen in an image: one `given` (height, width) in metres, else one made from the scene.
 
-    It is one of some parts of the scene, of all if none are named. Known are the bodies that are no parts. Raises `InvalidInput`.
+    `parts` are the candidates; without them all parts of the scene are. All other bodies stand where the scene says. Raises `InvalidInput`.
     """
     world, camera = World.of(scene.cell), camera_of(scene)
     own = [name for name, body in scene.cell.bodies.items() if body.kind is BodyKind.PART]

@@ -106,12 +106,16 @@ def _pitch_m(eye: Eye, point: Floats) -> float:
     return far / picture_of(eye.tool).focal_px
 
 
-def taken(eye: Eye, expected_to_m: float, seed: int, displaced_m: Floats | None = None) -> RangeImage | Vague:
-    """The image that the tool takes there, resolved from where everything is expected, known to a standard deviation.
+def taken(eye: Eye, seed: int, displaced_m: Floats | None = None) -> RangeImage:
+    """The image that the tool answers there: its ranges are wrapped.
 
     With `displaced_m` (3,), in the world, everything really lies so far from where it is expected.
     """
     off = np.zeros(3) if displaced_m is None else eye.T_world_eye[:3, :3].T @ displaced_m
     moved = transforms.translation(*off)
-    scan = scanned([(solid, moved @ T) for solid, T in eye.bodies.values()], eye.tool, seed)
-    return resolved(scan, expected(list(eye.bodies.values()), eye.tool), expected_to_m)
+    return scanned([(solid, moved @ T) for solid, T in eye.bodies.values()], eye.tool, seed)
+
+
+def whole(eye: Eye, image: RangeImage, expected_to_m: float) -> RangeImage | Vague:
+    """An image with whole ranges, by where everything is expected, known to a standard deviation."""
+    return resolved(image, expected(list(eye.bodies.values()), eye.tool), expected_to_m)

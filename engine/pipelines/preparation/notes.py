@@ -1,4 +1,4 @@
-"""What the ledger of a preparation that goes on notes of a problem, and how it is read again."""
+"""What a preparation notes of each problem in its ledger, and how that is read again."""
 
 import dataclasses
 from collections.abc import Mapping

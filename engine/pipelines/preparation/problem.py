@@ -26,8 +26,8 @@ UNUSABLE = "K416"  # of a library: another time it may be there
 def work(job: PreparationJob, interrupted: Interrupted) -> Prepared | Drafted[Prepared]:
     """Plan one problem with the library in the store, and bring its kept sequence up to date.
 
-    What is learned waits in a draft. Poses and the sequence are written at once: they take the place of older ones, so that it does
-    not count how often they are found.
+    What is learned waits in a draft. Poses and the sequence are written at once: they replace older ones, so finding them twice does no
+    harm.
     """
     if interrupted():
         return lost(job, INTERRUPTED)

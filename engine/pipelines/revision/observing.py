@@ -67,7 +67,8 @@ def _mistyped(atom: Atom, semantics: Semantics, option: str) -> Iterator[Diagnos
     for argument, type_ in zip(atom.arguments, expected, strict=True):
         if not semantics.statics.has_type(argument, type_):
             known = sorted(str(each.arguments[0]) for each in semantics.statics.named(type_))
-            hint = nearest(str(argument), known) or (f"one of {', '.join(known[:SHOWN])}" if known else "")
+            way = "one of" if len(known) <= SHOWN else "such as"
+            hint = nearest(str(argument), known) or (f"{way} {', '.join(known[:SHOWN])}" if known else "")
             said = f"{argument} is no {type_}, but {atom.name} takes one here: {atom}"
             yield Diagnostic(Source(option), "K103", said, hint)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
+from engine.model.number_set import NumberSet
 from engine.pipelines.simulator.hidden import HiddenCell
 from engine.pipelines.simulator.log import Log, Sent
 from engine.pipelines.simulator.physical import SimulatedCell
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from engine.pipelines.simulator.unknown import Unknown
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
+REMEMBERED = (
+    10_000  # of the last commands it is known what they were and how they ended; nobody asks about older ones
+)
 
 
 @dataclass
@@ -40,7 +44,8 @@ class Simulator:
     def __post_init__(self) -> None:
         self._now = 0
         self._real = time.monotonic()
-        self._commands: dict[int, Command] = {}
+        self._known = NumberSet()  # every command that came
+        self._commands: dict[int, Command] = {}  # the last of them, and those that have not ended
         self._ended: dict[int, Reply] = {}
         self._lost: set[int] = set()  # under way, and never answered
         self._dropped: set[int] = set()
@@ -78,13 +83,14 @@ class Simulator:
 
     def send(self, commands: Sequence[Command]) -> None:
         """Take commands; those that are known are not carried out again."""
-        fresh = [each for each in commands if each.number not in self._commands]
+        fresh = [each for each in commands if each.number not in self._known]
         if fresh:
             self._log.sent(self._now, fresh)
             self._take(fresh)
 
     def _take(self, commands: Sequence[Command]) -> None:
         for command in commands:
+            self._known.add(command.number)
             self._commands[command.number] = command
             if command.kind is CommandKind.CONTINUE:
                 self._continued.add(command.about or 0)
@@ -95,6 +101,20 @@ class Simulator:
                 self._next(command.stream)
             else:
                 self._begin(command)
+
+        if len(self._ended) > 2 * REMEMBERED:
+            self._forget()
+
+    def _forget(self) -> None:
+        """Forget old commands that have ended, so that memory does not grow with the run. They stay known."""
+        queued = {
+            number for queue in self._queues.values() for number in queue
+        }  # a WAIT is answered, and stays
+        old = [number for number in list(self._ended)[:-REMEMBERED] if number not in queued]
+        for number in old:
+            del self._ended[number]
+            self._commands.pop(number, None)
+        self._continued.difference_update(old)
 
     def _next(self, stream: str) -> None:
         """Begin the next command of a queue if its device is free."""
@@ -216,7 +236,9 @@ class Simulator:
             return Report(number, Fate.DROPPED)
         if number in self._under_way or number in self._lost:
             return Report(number, Fate.RUNNING)
-        return Report(number, Fate.QUEUED if number in self._commands else Fate.UNKNOWN)
+        if number in self._commands:
+            return Report(number, Fate.QUEUED)
+        return Report(number, Fate.ENDED if number in self._known else Fate.UNKNOWN)
 
     def close(self) -> None:
         """Close the log."""

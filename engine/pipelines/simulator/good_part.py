@@ -17,7 +17,7 @@ class GoodPart:
         self._measuring, self._seed = Measuring(problem), seed
 
     def value(self, step: Function, time: int) -> str:
-        """What a step measures when it is taken for the so manieth time; a number near to zero if it has no nominal value."""
+        """What a step measures the n-th time it is taken; a number near to zero if it has no nominal value."""
         nominal, scatter = self._usual(step)
         return str(round(nominal + random.Random(f"{self._seed} {step} {time}").gauss(0, scatter)))
 

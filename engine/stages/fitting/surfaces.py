@@ -29,11 +29,12 @@ STILL = 1e-3  # standard deviations: a step that moves the shape by less is the 
 LOOSE = 1e-9  # how much smaller than the best known direction of its parameters a shape's worst may be
 
 
-def fitted(shape: Shape, cloud: Cloud) -> Fitting:
-    """The shape to which most of the points belong, or why there is none."""
+def fitted(shape: Shape, cloud: Cloud, near: Fit | None = None) -> Fitting:
+    """The shape to which most of the points belong, or why there is none. It is looked for beside the one that it is `near` to, if one is given."""
     if (reason := _senseless(shape, cloud)) is not None:
         return Unfitted(reason)
-    best = _best(shape, cloud)
+    every = np.ones(len(cloud.points), bool)
+    best = _best(shape, cloud) if near is None else _settled(shape, cloud, every, _guess(near))
     if best is None:
         return Unfitted(f"no {shape} goes through the points")
     for _ in range(PASSES if cloud.beam_m is not None else 0):

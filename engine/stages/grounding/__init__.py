@@ -2,18 +2,19 @@
 Python makes bitsets of them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 from engine.model.task import Bits, GroundOperator, Task, bitset
 from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.ambiguity import ambiguities
 from engine.stages.grounding.batches import Batches
 from engine.stages.grounding.closure import deduction
-from engine.stages.grounding.derived import Rules, Supports, supports_of
+from engine.stages.grounding.derived import Rules, Support, Supports, supports_of
 from engine.stages.grounding.diagnostics import amiss, contradictions, violations
 from engine.stages.grounding.diagrams import decide
-from engine.stages.grounding.goals import Goals, layered
+from engine.stages.grounding.goals import Goals, Parted, layered
 from engine.stages.grounding.initial import default_instances as default_instances
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.instances import Doubt, Instances
@@ -49,6 +50,8 @@ from kb.model.problem import Problem
 from kb.model.workflow import Listed, holding
 from kb.terms import Atom, Function
 
+Made = TypeVar("Made", Task, Parted)
+
 
 def ground(problem: Problem) -> Task:
     """The ground task of a problem.
@@ -56,13 +59,25 @@ def ground(problem: Problem) -> Task:
     Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and
     ambiguities among deductive operators, and a grounding that exceeds its limits.
     """
+    return _grounded(problem, _Grounding.task)
+
+
+def ground_parts(problem: Problem) -> Parted:
+    """The ground task of a problem without workflow, to be asked for each conjunct of its goal by itself.
+
+    The other conjuncts change which atoms have a number, but not what can be reached. Raises as `ground` does.
+    """
+    return _grounded(problem, _Grounding.parts)
+
+
+def _grounded(problem: Problem, made: Callable[["_Grounding"], Made]) -> Made:
     with no_search_for_cycles():
         grounding = _Grounding(problem)
         with within_limits(lambda: suspects(problem, grounding.schemas)):
-            task = grounding.task()
+            found = made(grounding)
     if grounding.found:
         raise InvalidInput(grounding.found)
-    return task
+    return found
 
 
 def reachable_operators(task: Task) -> frozenset[str]:
@@ -119,6 +134,13 @@ class _Grounding:
 
     def task(self) -> Task:
         """The task. It is meaningless if `found` is not empty."""
+        return self._grounded(apart=False).task
+
+    def parts(self) -> Parted:
+        """The task without goals, and the ways to satisfy each of them. It is meaningless if `found` is not empty."""
+        return self._grounded(apart=True)
+
+    def _grounded(self, apart: bool) -> Parted:
         initial, contradicted = initial_state(self.problem, self.vocabulary)
         self.found += contradicted
         universe = self._reachable(initial)
@@ -133,7 +155,8 @@ class _Grounding:
         start = bitset([universe.index[atom] for atom in initial])
         turns = Turns(self.domain, workflow, universe, start, effects, changes, rules)
         supports = self._supports(universe, rules)
-        goals = self._goals(universe, supports, rules, len(universe.atoms) + len(workflow.atoms))
+        ways = self._ways(universe, supports, rules)
+        goals = Goals([] if apart else ways, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
         amounts = amounts_of(self.problem, universe.facts)
         made = Instances(universe, effects, supports, workflow, batches, turns, numbering, changes, amounts)
@@ -141,7 +164,8 @@ class _Grounding:
         self.found += [*contradictions(made, universe), *amiss(made)]
         start |= workflow.initial | goals.initial
         alternatives, completed = goals.compiled(operators, numbering)
-        return self._with_axioms(
+        single = tuple(tuple(map(numbering.bits, part)) for part in ways) if apart else ()
+        task = self._with_axioms(
             _Compiled(
                 [*universe.atoms, *workflow.atoms, *goals.atoms],
                 completed,
@@ -153,6 +177,7 @@ class _Grounding:
             rules,
             numbering,
         )
+        return Parted(task, single)
 
     def _with_axioms(
         self, compiled: "_Compiled", universe: Universe, rules: Rules, numbering: Numbering
@@ -202,7 +227,7 @@ class _Grounding:
         names = {p.atom.name for body in bodies for p in body if isinstance(p, Literal) and not p.positive}
         return (DERIVED + number for number, atom in enumerate(universe.derived) if atom.name in names)
 
-    def _goals(self, universe: Universe, supports: Supports, rules: Rules, first: int) -> Goals:
+    def _ways(self, universe: Universe, supports: Supports, rules: Rules) -> list[list[Support]]:
         """The ways to satisfy each conjunct of the goal."""
         named = {
             f"_goal_{part}_{number}": self.vocabulary.split(disjunct)
@@ -215,11 +240,8 @@ class _Grounding:
             for part, disjuncts in enumerate(self.goals)
         ]
         if supports.stay:
-            return Goals(
-                layered([[frozenset(way) for way in part] for part in parts], universe, rules), first
-            )
-        ways = [list(dict.fromkeys(s for way in part for s in supports.combinations(way))) for part in parts]
-        return Goals(ways, first)
+            return layered([[frozenset(way) for way in part] for part in parts], universe, rules)
+        return [list(dict.fromkeys(s for way in part for s in supports.combinations(way))) for part in parts]
 
     def _reachable(self, initial: tuple[Atom, ...]) -> Universe:
         program = Reachability(

@@ -8,11 +8,12 @@ way, too. Where derived atoms stay in the task, a conjunct that can be met in se
 """
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from math import prod
 
 from engine.model.stages import ENDS, MEETS
-from engine.model.task import Bits, GroundOperator
+from engine.model.task import Bits, GroundOperator, Task
 from engine.stages.grounding.derived import Rules, Support
 from engine.stages.grounding.numbering import Numbering
 from engine.stages.grounding.universe import Universe
@@ -20,6 +21,22 @@ from kb.terms import Atom, Function, Number
 
 MAX_ALTERNATIVES = 64
 RUNNING, ENDED = Function("_running"), Function("_ended")
+
+
+@dataclass(frozen=True, slots=True)
+class Parted:
+    """A ground task without goals, and the ways to satisfy each conjunct of its problem's goal."""
+
+    task: Task
+    ways: tuple[tuple[Bits, ...], ...]
+
+    def wanting(self, parts: Sequence[int]) -> Task | None:
+        """The task with some of the conjuncts as its goal; None if there are too many combinations of their ways."""
+        chosen = [self.ways[each] for each in parts]
+        if prod(map(len, chosen)) > MAX_ALTERNATIVES:
+            return None
+        goals = dict.fromkeys(_union(choice) for choice in itertools.product(*chosen))
+        return replace(self.task, goals=tuple(goals))
 
 
 @dataclass
@@ -74,7 +91,11 @@ def layered(parts: Iterable[list[Support]], universe: Universe, rules: Rules) ->
 
 
 def _joined(choice: Iterable[Support], numbering: Numbering) -> Bits:
+    return _union(numbering.bits(support) for support in choice)
+
+
+def _union(choice: Iterable[Bits]) -> Bits:
     joined = 0
-    for support in choice:
-        joined |= numbering.bits(support)
+    for each in choice:
+        joined |= each
     return joined

@@ -8,7 +8,7 @@ from engine.model.shop import Hold, Moment
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
 from engine.stages.scheduling.work import CellWork, PlaceVisit
-from kb.terms import Function, Term
+from kb.terms import Function, Term, exchanged
 
 
 class Mislaid(Exception):
@@ -63,8 +63,8 @@ def _wanted(work: CellWork, schedule: Schedule) -> Iterator[TimedStep]:
     renamed = _renamed(work, schedule)
     for name, block in work.blocks.items():
         for step, begin, _ in block.timed:
-            exchanged = _rename(step, renamed.get(name, {}))
-            yield TimedStep(exchanged, schedule.starts[name] + begin)
+            there = _rename(step, renamed.get(name, {}))
+            yield TimedStep(there, schedule.starts[name] + begin)
     for each in schedule.adjustments:
         now = each.start
         for step in work.mechanisms[each.device].paths[each.change.before, each.change.after]:
@@ -77,21 +77,13 @@ def _rename(step: GroundOperator, places: Mapping[Term, Term]) -> GroundOperator
 
     What it needs there is looked up by its new name; its stage stays the same.
     """
-    instance = _substituted(step.instance, places)
+    instance = exchanged(step.instance, places)
     if instance == step.instance or not isinstance(instance, Function):
         return step
     impossible = -1  # no state has it: only operators with the new name are tried
     return GroundOperator(
         instance, impossible, step.adds, step.deletes, (), step.resources, step.duration, step.cost
     )
-
-
-def _substituted(term: Term, places: Mapping[Term, Term]) -> Term:
-    if term in places:
-        return places[term]
-    if isinstance(term, Function) and term.arguments:
-        return Function(term.name, tuple(_substituted(each, places) for each in term.arguments))
-    return term
 
 
 def _renamed(work: CellWork, schedule: Schedule) -> dict[str, dict[Term, Term]]:

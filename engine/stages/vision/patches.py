@@ -13,12 +13,10 @@ from engine.model.fits import Cloud
 from engine.model.geometry import Floats, Truths
 from engine.model.ranging import EdgeKind, Edges, RangeImage, Window
 from engine.stages.vision.ranging import beam_px
-from engine.stages.vision.slopes import inverse_depths, planes_beside
+from engine.stages.vision.slopes import cosines
 
 BESIDE_PX = 1  # of a roof or a crease
-FLATTEST = 0.1  # cosine: of a surface seen flatter, the lean is not known well
 AROUND = 2  # pixels on either side whose strength counts
-SLOPES = 3  # pixels on either side that tell how a surface leans
 
 
 def guarded(image: RangeImage, edges: Edges) -> Truths:
@@ -34,10 +32,7 @@ def guarded(image: RangeImage, edges: Edges) -> Truths:
 
 def sigma_of(image: RangeImage) -> Floats:
     """The standard deviation (h, w) of each range along its beam in metres; infinite without an answer."""
-    inverse, _ = inverse_depths(image)
-    planes = planes_beside(inverse, (-SLOPES, SLOPES), (-SLOPES, SLOPES))
-    facing = np.abs((planes.normals(image.camera) * image.beams).sum(axis=-1))
-    cosine = np.clip(np.where(np.isfinite(facing), facing, 1.0), FLATTEST, 1.0)
+    cosine = cosines(image)
     lean = image.tool.pointing_rad * image.range_m * np.sqrt(1.0 - cosine**2) / cosine
     found: Floats = np.hypot(image.noise_m, lean)
     return found
@@ -52,7 +47,7 @@ def cloud_of(image: RangeImage, edges: Edges, window: Window) -> Cloud:
     used[window.rows, window.columns] = guarded(image, edges)[window.rows, window.columns]
     metres = image.range_m[used]
     beam_m, pointing_m = image.tool.beam_rad / 4.0 * metres, image.tool.pointing_rad * metres
-    noise_m = image.tool.noise_m / _usual_strength(image, used)[used]
+    noise_m = np.hypot(image.tool.noise_m / _usual_strength(image, used)[used], image.rounding_m)
     return Cloud(image.points[used], noise_m, image.beams[used], beam_m, pointing_m, metres)
 
 

@@ -7,6 +7,7 @@ err by so much more as the signal is weaker. The phase tells a range modulo half
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from engine.model.ranging import RangeImage, Resolving, Vague, beams_of, picture
 from engine.model.solid import Solid
 from engine.model.vision import Camera
 from engine.stages.vision.kernels.rays import Range, draw
+from engine.stages.vision.slopes import cosines
 from kb.model.ranging import Ranging
 
 Waves = NDArray[np.complex128]
@@ -157,7 +159,12 @@ def _spread(expected_m: Floats, wide: int) -> Floats:
 
 
 def _kept(image: RangeImage, whole: Floats, known: Truths) -> RangeImage:
-    return RangeImage(image.tool, np.where(known, whole, 0.0), np.where(known, image.strength, 0.0))
+    return replace(
+        image,
+        range_m=np.where(known, whole, 0.0),
+        strength=np.where(known, image.strength, 0.0),
+        wrapped=False,
+    )
 
 
 def expected(solids: Sequence[tuple[Solid, Floats]], tool: Ranging) -> Floats:
@@ -165,9 +172,13 @@ def expected(solids: Sequence[tuple[Solid, Floats]], tool: Ranging) -> Floats:
     return seen(solids, picture_of(tool))[0]
 
 
-def of_depths(depth_m: Floats, tool: Ranging) -> RangeImage:
-    """The image of depths (height, width) along the axis, as depth cameras write them; the strength is taken as 1."""
-    camera = picture_of(tool)
+def of_depths(depth_m: Floats, tool: Ranging, step_m: float = 0.0) -> RangeImage:
+    """The image of depths (height, width) along the axis, as depth cameras write them, in steps of `step_m` if they are rounded.
+
+    Strengths are not known; they are those that a surface of the usual shine has there.
+    """
     known = depth_m > 0
-    lengths = 1.0 / beams_of(camera)[..., 2]
-    return RangeImage(tool, np.where(known, depth_m * lengths, 0.0), known.astype(float))
+    metres = np.where(known, depth_m / beams_of(picture_of(tool))[..., 2], 0.0)
+    image = RangeImage(tool, metres, known.astype(float), guessed=True, step_m=step_m)
+    strength = cosines(image) * (tool.at_m / np.where(known, metres, 1.0)) ** 2
+    return replace(image, strength=np.where(known, strength, 0.0))

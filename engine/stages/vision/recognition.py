@@ -80,7 +80,7 @@ def _why(faces: int, loose: Sequence[str]) -> str:
     if loose:
         told = ", ".join(loose)
         return f"too few faces are seen to tell more than that it may be {told}: look from where two or three meet"
-    return f"no part has faces like the {faces} that are seen"
+    return f"no part explains two or three of the {faces} faces that are seen; if one is there, look from where two of its faces meet"
 
 
 def interpretations_of(seen: Sequence[Face], facets: Sequence[Face]) -> Iterator[Interpretation]:

@@ -14,6 +14,8 @@ from engine.model.ranging import RangeImage
 from engine.model.vision import Camera
 
 LEAST = 5  # answers in a window: fewer tell no plane
+FLATTEST = 0.1  # cosine: of a surface seen flatter, the lean is not known well
+SLOPES = 3  # pixels on either side that tell how a surface leans
 ACROSS, ALONG = 0, 1  # axes of the picture: rows follow each other down, columns to the right
 
 
@@ -43,6 +45,15 @@ def inverse_depths(image: RangeImage) -> tuple[Floats, Floats]:
     inverse = np.where(known, 1.0 / np.where(known, image.range_m * axial, 1.0), 0.0)
     noise = np.where(known, image.noise_m, 0.0) * axial * inverse**2
     return inverse, noise
+
+
+def cosines(image: RangeImage) -> Floats:
+    """The cosine (h, w) of the incidence of each beam, by the pixels around; 1 where that is not known."""
+    inverse, _ = inverse_depths(image)
+    planes = planes_beside(inverse, (-SLOPES, SLOPES), (-SLOPES, SLOPES))
+    cosine = np.abs((planes.normals(image.camera) * image.beams).sum(axis=-1))
+    found: Floats = np.clip(np.where(np.isfinite(cosine), cosine, 1.0), FLATTEST, 1.0)
+    return found
 
 
 def planes_beside(inverse: Floats, right: tuple[int, int], down: tuple[int, int]) -> Planes:

@@ -19,7 +19,7 @@ from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Longs
 from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, hull_vertices, planes
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_bytes
+from kb.files import foreign_bytes
 from kb.numbers import LARGEST
 
 MAX_BYTES = 256 * 2**20
@@ -42,7 +42,7 @@ def read_mesh(path: Path) -> TriangleMesh:
 
     Raises `InvalidInput`.
     """
-    data = _bytes(path)
+    data = foreign_bytes(path, "K702", "the mesh", MAX_BYTES)
     try:
         vertices, triangles = _triangles(data, path.suffix.lower().removeprefix("."))
     except Exception as error:  # what a garbled file makes trimesh raise is not laid down
@@ -65,14 +65,6 @@ def _is_sound(vertices: Floats, triangles: Longs) -> bool:
     ):
         return False
     return bool(triangles.min() >= 0 and triangles.max() < len(vertices))
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        return read_bytes(path, str(path), MAX_BYTES)
-    except InvalidInput as error:
-        said = error.diagnostics[0].message.removeprefix("cannot be read: ")
-        raise _refused(path, f"the mesh cannot be read: {said}", "is it a file that can be read?") from None
 
 
 def _refused(path: Path, message: str, hint: str) -> InvalidInput:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from engine.model.task import Bits, GroundOperator, Task, bitset, indices
-from kb.terms import Atom, Function, Term
+from kb.terms import Atom, Function, Term, exchanged
 
 
 def without_irrelevant(task: Task) -> Task:
@@ -124,16 +124,13 @@ class _Reading:
                 found[number] |= group & ~(1 << number)
         return found
 
+    @cached_property
+    def first(self) -> Mapping[Term, Term]:
+        """The first spare in the place of each other one."""
+        return {Function(name): Function(self.spares[0]) for name in self.spares[1:]}
+
     def _renamed(self, atom: Atom) -> Atom:
-        others = {Function(name) for name in self.spares[1:]}
-        first = Function(self.spares[0])
-
-        def renamed(term: Term) -> Term:
-            if not isinstance(term, Function):
-                return term
-            return first if term in others else Function(term.name, tuple(map(renamed, term.arguments)))
-
-        return Function(atom.name, tuple(map(renamed, atom.arguments)))
+        return Function(atom.name, tuple(exchanged(each, self.first) for each in atom.arguments))
 
     def _read(self, atoms: Bits) -> Bits:
         return bitset([self.image[n] for n in indices(atoms) if n in self.image])

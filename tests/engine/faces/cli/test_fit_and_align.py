@@ -163,3 +163,22 @@ def test_a_table_without_points_is_refused(tmp_path: Path, text: str) -> None:
     code, said = run("fit", "plane", tmp_path / "p.csv")
     assert code == 2
     assert "cannot be read" in said
+
+
+def test_points_count_what_their_unit_says(tmp_path: Path) -> None:
+    turns, heights = (each.ravel() for each in np.meshgrid(np.linspace(0.0, 6.0, 30), [0.0, 10.0, 20.0]))
+    points = np.stack([20 * np.cos(turns), 20 * np.sin(turns), heights], axis=1)
+    rows = "\n".join(",".join(f"{each:.6f}" for each in row) for row in points)
+    (tmp_path / "bore.csv").write_text(f"x,y,z\n{rows}\n")
+    np.save(tmp_path / "bore.npy", points)
+    np.save(tmp_path / "whole.npy", np.rint(points).astype(int))
+    for name in ("bore.csv", "bore.npy"):
+        code, said = run("fit", "cylinder", tmp_path / name, "--unit", "mm")
+        assert (code, "diameter 40.0000 mm" in said) == (0, True), said
+    code, said = run("fit", "plane", tmp_path / "bore.csv")
+    assert code == 1
+    assert "the points span 40 m: if they do not count metres, say so with --unit" in said
+    code, said = run("fit", "cylinder", tmp_path / "whole.npy", "--noise", "0.5")
+    assert (code, "diameter 40." in said or "diameter 39." in said) == (0, True), said
+    code, said = run("fit", "cylinder", tmp_path / "bore.csv", "--unit", "ft")
+    assert (code, "one of mm, cm, m, in" in said) == (2, True)

@@ -42,7 +42,8 @@ def test_a_format_wins_over_the_ending(tmp_path: Path) -> None:
 @pytest.mark.parametrize("more", [["-o", "plan.txt"], ["-o", "plan.json", "--format", "text"]])
 def test_a_file_without_a_form_is_refused(more: list[str]) -> None:
     result = run(app, ["plan", "bulkhead/one_point", *more])
-    assert result.exit_code == 2 and "--output" in result.output
+    assert result.exit_code == 2
+    assert "--output" in result.output
 
 
 def test_where_there_is_no_plan_the_old_file_stays(tmp_path: Path) -> None:
@@ -56,7 +57,9 @@ def test_where_there_is_no_plan_the_old_file_stays(tmp_path: Path) -> None:
 
 def test_a_file_that_cannot_be_written_does_not_take_the_answer_with_it(tmp_path: Path) -> None:
     result = run(app, ["plan", "bulkhead/one_point", "-o", str(tmp_path / "nowhere" / "plan.json")])
-    assert result.exit_code == 2 and "us_measure" in result.stdout and "cannot write" in result.stderr
+    assert result.exit_code == 2
+    assert "us_measure" in result.stdout
+    assert "cannot write" in result.stderr
 
 
 def test_a_link_stays_a_link(tmp_path: Path) -> None:
@@ -64,4 +67,5 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     file.write_text("old")
     link.symlink_to(file)
     assert run(app, ["plan", "bulkhead/one_point", "-o", str(link)]).exit_code == 0
-    assert link.is_symlink() and json.loads(file.read_text("utf-8"))
+    assert link.is_symlink()
+    assert json.loads(file.read_text("utf-8"))

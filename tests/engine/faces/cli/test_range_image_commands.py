@@ -1,12 +1,15 @@
 """`cellwright measurement image` and `dimensions`: an image is made, read and measured; what cannot be is refused with advice."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from engine.faces.cli import app, exits
+from engine.formats.interop.range_files import read_ranges, write_ranges
 
 PATCH = "face=plane:100,100,150,150"
 
@@ -14,6 +17,64 @@ PATCH = "face=plane:100,100,150,150"
 def told(*words: str) -> tuple[int, str]:
     result = CliRunner().invoke(app, ["measurement", *words], env={"COLUMNS": "200"})
     return result.exit_code, result.output
+
+
+@pytest.mark.slow
+def test_the_image_that_a_tool_took_is_resolved_and_measured(tmp_path: Path) -> None:
+    made, whole = str(tmp_path / "m4.npz"), str(tmp_path / "whole.npz")
+    where = ("image", "bulkhead/twelve_points", "m4", "--format", "json")
+    code, said = told(*where, "--displaced", "0.4", "0", "0", "-o", made, "--wrapped")
+    first = json.loads(said)["data"]
+    assert (code, read_ranges(Path(made)).wrapped) == (0, True)
+    code, said = told(*where, "--from", made, "--seed", "5", "-o", whole)
+    again = json.loads(said)["data"]
+    assert (code, again["off"], again["sigma"]) == (0, first["off"], first["sigma"])
+    assert abs(abs(again["off"]) - 0.4e-3) < 4 * again["sigma"]
+    assert not read_ranges(Path(whole)).wrapped
+    code, said = told("image", "bulkhead/twelve_points", "m4", "--from", str(depth_of(whole, tmp_path)))
+    assert code == 0, said
+    assert "strengths are not known" in said
+    other = read_ranges(Path(whole))
+    write_ranges(Path(made), replace(other, tool=replace(other.tool, noise_m=1e-4)))
+    code, said = told("image", "bulkhead/twelve_points", "m4", "--from", made)
+    assert code == exits.BAD_INPUT
+    assert "another tool than slra of this cell has taken the image" in said
+
+
+def depth_of(file: str, folder: Path) -> Path:
+    """The image in a file as a depth image."""
+    image = read_ranges(Path(file))
+    np.save(folder / "depth.npy", image.range_m * image.beams[..., 2])
+    return folder / "depth.npy"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(("--from", "a.npz", "--displaced", "1", "2", "3"), "--displaced"), (("--wrapped",), "--wrapped")],
+)
+def test_options_of_images_that_contradict_each_other_are_a_misuse(words: tuple[str, ...], said: str) -> None:
+    code, output = told("image", "bulkhead/twelve_points", "m4", *words)
+    assert code == exits.BAD_INPUT
+    assert said in output
+
+
+@pytest.mark.slow
+def test_the_part_that_is_seen_is_told_with_its_place_and_symmetry(tmp_path: Path) -> None:
+    picture = tmp_path / "seen.png"
+    code, said = told("recognise", "--scene", "handey", "--picture", str(picture), "--format", "json")
+    found = json.loads(said)["data"]
+    assert (code, found["part"], len(found["equivalent"])) == (0, "slab", 24)
+    assert found["T_eye_part"][2][3] == pytest.approx(0.97, abs=0.002)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    code, said = told("recognise", "--scene", "handey", "--part", "angle")
+    assert code == exits.FINDINGS
+    assert "no part is recognised: " in said
+
+
+def test_a_part_that_a_scene_has_not_is_not_recognised() -> None:
+    code, said = told("recognise", "--scene", "handey", "--part", "slap")
+    assert code == exits.BAD_INPUT
+    assert "K101: unknown part 'slap'" in said
 
 
 @pytest.mark.slow

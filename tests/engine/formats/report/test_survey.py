@@ -1,6 +1,7 @@
 """The report of an inspection: everything in it is escaped, it needs nothing else, and it names what is missing."""
 
 import re
+from html import escape
 from html.parser import HTMLParser
 
 from engine.formats.report.survey import entry, summary
@@ -14,7 +15,7 @@ DEMAND = ("um", 10.0, 8.0, 12.0, 5.0)
 SURVEY = Survey(
     (
         Feature(EVIL, "thickness", *DEMAND, 9.5, 0.4, (VALUE,), ((VALUE, EVIL),)),
-        Feature("m2", "thickness", *DEMAND, 8.1, 1.0, (VALUE,)),
+        Feature("m2", "thickness", *DEMAND, 8.1, 1.0, (VALUE,), again=("in doubt", EVIL)),
         Feature("m3", "thickness", *DEMAND, 3.0, 1.0, (VALUE,), doubt=EVIL),
     ),
     (Unmeasured("m4", EVIL),),
@@ -57,6 +58,21 @@ def test_a_report_names_verdicts_and_what_is_missing() -> None:
     for each in ("Not measured", "Values left out", "undecided", "doubtful", "m4"):
         assert each in page
     assert entry(SURVEY)["not_measured"] == [{"name": "m4", "why": EVIL}]
+
+
+def test_a_report_tells_what_was_measured_again_and_why_and_by_what() -> None:
+    page = document(Results("monday"), SURVEY)
+    row = page.split("<h2>Measured again</h2>")[1].split("<tbody>")[1].split("</tbody>")[0]
+    assert row.count("<tr>") == 1
+    for each in (
+        "m2",
+        escape(EVIL),
+        "(2 times; this was the last reason)",
+        f"9 um by {escape(EVIL)}",
+        "undecided",
+    ):
+        assert each in row
+    assert "Measured again" not in document(Results("monday"), Survey(SURVEY.features[:1]))
 
 
 def test_a_report_of_nothing_or_of_one_place_is_a_page() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import apply, inverse, transform, turned
+from engine.kernels.rigid import apply, inverse, transform, translation, turned
 from engine.model.fits import PARAMETERS, Cloud, Fit, Shape, Unfitted
 from engine.model.geometry import Floats
 from engine.stages.fitting.between import between
@@ -157,6 +157,58 @@ def _plane(T: Floats, random: np.random.Generator) -> Fit:
     found = fitted(Shape.PLANE, Cloud(points, np.full(200, SIGMA_M)))
     assert isinstance(found, Fit)
     return found
+
+
+def exact(shape: Shape, T: Floats, random: np.random.Generator, noise_m: float = 1e-7) -> Fit:
+    """A fit to points on a shape at T."""
+    points = apply(T, drawn(shape, random))
+    found = fitted(shape, Cloud(points + random.normal(0.0, noise_m, points.shape), np.full(200, noise_m)))
+    assert isinstance(found, Fit)
+    return found
+
+
+LYING = transform(turned(np.array([0.0, np.pi / 2, 0.0])), (0.0, 0.0, 0.0))
+OFF = [
+    (Shape.CYLINDER, Shape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the axes"),
+    (Shape.CYLINDER, Shape.SPHERE, translation(0.03, 0.04, 0.02), 0.05, "of the centre from the axis"),
+    (Shape.SPHERE, Shape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the centre from the axis"),
+    (Shape.CIRCLE, Shape.CYLINDER, translation(0.0, 0.04, 0.02), 0.04, "of the centre from the axis"),
+    (Shape.CYLINDER, Shape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, None, ""),
+    (Shape.PLANE, Shape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, 0.02, "of the axis from the plane"),
+    (Shape.CYLINDER, Shape.PLANE, translation(0.02, 0.04, 0.0) @ LYING, 0.02, "of the axis from the plane"),
+    (Shape.PLANE, Shape.CYLINDER, translation(0.03, 0.04, 0.02), None, ""),
+    (Shape.PLANE, Shape.PLANE, translation(0.03, 0.04, 0.02), 0.02, "of the second's middle from the first plane"),
+    (Shape.PLANE, Shape.SPHERE, translation(0.03, 0.04, 0.02), 0.02, "of the centre from the plane"),
+    (Shape.SPHERE, Shape.CIRCLE, translation(0.03, 0.04, 0.12), 0.13, "of the centres"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("one", "other", "T", "apart", "told"), OFF)
+def test_shapes_are_as_far_apart_as_they_were_put(
+    one: Shape, other: Shape, T: Floats, apart: float | None, told: str
+) -> None:
+    random = np.random.default_rng(3)
+    at = pose(random)
+    found = between(exact(one, at, random), exact(other, at @ T, random))
+    distances = [each for each in found if each.what == "distance"]
+    assert [each.of for each in distances] == ([told] if told else [])
+    for each in distances:
+        assert each.value == pytest.approx(apart, abs=4 * each.sigma)
+        assert 0 < each.sigma < 1e-5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pair", [0, 1, 3, 5, 6])
+def test_distances_from_axes_err_as_stated(pair: int) -> None:
+    one, other, T, apart, _ = OFF[pair]
+    random, errors = np.random.default_rng(9), []
+    for _ in range(60):
+        at = pose(random)
+        found = between(exact(one, at, random, SIGMA_M), exact(other, at @ T, random, SIGMA_M))[0]
+        errors.append((found.value - (apart or 0.0)) / found.sigma)
+    assert np.mean(np.abs(errors) < 1.96) >= 0.85
+    assert 0.75 < np.std(errors) < 1.3
+    assert abs(np.mean(errors)) < 0.4
 
 
 def test_spheres_are_as_far_apart_as_their_centres() -> None:
