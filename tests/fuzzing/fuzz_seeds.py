@@ -5,6 +5,11 @@ import json
 import struct
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing
 
 TOP = Path(__file__).parents[2]
 CELLS = [
@@ -153,12 +158,12 @@ def ply() -> bytes:
     return head + b"end_header\n" + struct.pack("<6f", 0, 0, 1, 0.1, 0, 1)
 
 
-def npy() -> bytes:
-    """Depths in NumPy's form."""
+def npy(depths: "np.typing.ArrayLike | None" = None) -> bytes:
+    """Depths in NumPy's form; of a plane, if none are given."""
     import numpy as np
 
     out = io.BytesIO()
-    np.save(out, np.ones((6, 8)))
+    np.save(out, np.ones((6, 8)) if depths is None else np.asarray(depths))
     return out.getvalue()
 
 

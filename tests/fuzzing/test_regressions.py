@@ -1,14 +1,26 @@
 """What campaigns of mutated inputs have found stays mended, and some more cases of each reader are tried."""
 
+import json
 from pathlib import Path
 
 import campaign
+import numpy as np
 import pytest
 from fuzz_guards import batch
+from fuzz_measured import IMAGE
 from fuzz_readers import REFUSALS, Reader
 from fuzz_requests import PARSERS
+from fuzz_seeds import PCD, npy
 
 FOUND = {
+    "range image content": [
+        json.dumps({**IMAGE, "range_m": [[5e-324] * 12] * 10}).encode(),
+        json.dumps({**IMAGE, "strength": [[5e-324] * 12] * 10}).encode(),
+    ],
+    "ranges PCD": [
+        PCD.replace("0 0 1\n", place).encode() for place in ("1e300 0 1\n", "1 0 1e-300\n", "nan 0 1\n")
+    ],
+    "ranges NPY": [npy(np.full((6, 8), 5e-324)), npy(np.full((6, 8), 1e300))],
     "notation": [b"at(arm, " + b"9" * 5000 + b")"],
     "term": [b'p("\xed\xa0\x80")', b"9" * 5000],
     "PDDL problem": [

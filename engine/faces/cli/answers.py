@@ -162,6 +162,8 @@ def _made(make: Callable[[], Answer]) -> Answer:
             Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
         )
         return Answer("stopped", code=LIMIT, diagnostics=(found,))
+    except typer.BadParameter:  # an option that does not fit what the target holds
+        raise
     except OSError as error:
         message, hint = (
             f"the operating system reports: {error.strerror or error}",

@@ -13,7 +13,21 @@ if TYPE_CHECKING:
     from engine.pipelines.units import Crew
 
 
-UNITS = ("engine.pipelines.preparation.problem", "kb.store.units")  # what planning a problem needs
+UNITS = (  # what planning a problem needs, also what is loaded only when it is needed
+    "engine.pipelines.preparation.problem",
+    "engine.stages.planning.forward",
+    "kb.asp.compiled",
+    "kb.asp.trial",
+    "kb.loader.command",
+    "kb.loader.domain",
+    "kb.loader.loading",
+    "kb.loader.problem",
+    "kb.loader.uses",
+    "kb.schema.device",
+    "kb.schema.domain",
+    "kb.schema.problem",
+    "kb.store.units",
+)
 
 
 def prepare(

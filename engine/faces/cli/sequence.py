@@ -177,6 +177,7 @@ def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]
     """Tours through measurements by what they cost the arm: by poses alone, or by the times of paths that touch nothing."""
     from engine.faces.cli.interruption import Interruption
     from engine.formats.report import inspection
+    from engine.model.measurements import is_shared
     from engine.pipelines.inspection.poses import posed_tours
     from engine.pipelines.motion.driven import driven_tours
     from engine.pipelines.planning import problem_of
@@ -185,6 +186,8 @@ def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]
     from kb.loader.cell import cell_of
 
     problem, moving = problem_of(target), cost is TravelCost.MOTION
+    if is_shared(problem):
+        refuse_idle({f"--cost {cost}": True}, "where several arms share measurements")
     toured: Any = driven_tours if moving else posed_tours
     entry: Any = inspection.driven_entry if moving else inspection.posed_entry
     shown: Any = inspection.driven if moving else inspection.posed

@@ -21,6 +21,7 @@ PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write
 FARTHEST_M = (
     1e6  # a coordinate of a measured point; squares of much larger ones leave no digits for millimetres
 )
+NEAREST_M = 1e-6  # in front of a camera
 PLY_TYPES = {
     "float": "f4",
     "float32": "f4",
@@ -175,9 +176,11 @@ def _points(data: bytes, columns: list[tuple[str, str]], count: int, written: bo
 
 def _in_pixels(points: Floats, camera: Camera) -> Floats:
     """The depths (height, width) of the nearest points (n, 3)."""
-    near = points[np.isfinite(points).all(axis=1) & (points[:, 2] > 0)]
-    u, v = (np.rint(each).astype(np.int64) for each in camera.pixels(near))
+    measured = (np.abs(points) < FARTHEST_M).all(axis=1) & (points[:, 2] > NEAREST_M)
+    near = points[measured]
+    u, v = (np.rint(each) for each in camera.pixels(near))
     inside = (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
+    rows, columns = (each[inside].astype(np.int64) for each in (v, u))
     depth = np.full((camera.height, camera.width), np.inf)
-    np.minimum.at(depth, (v[inside], u[inside]), near[inside, 2])
+    np.minimum.at(depth, (rows, columns), near[inside, 2])
     return np.where(np.isfinite(depth), depth, 0.0)

@@ -17,7 +17,7 @@ from kb.json_text import parsed
 from kb.model.ranging import Ranging
 
 OWN = ".npz"
-LARGEST = 1e6  # m
+LEAST, LARGEST = 1e-6, 1e6  # of a range in m, and of a strength: beyond, there is no answer
 SENSE = {  # what each size of a tool is more than, and at most; as in a cell
     "view_rad": (0.0, 2.6),
     "wavelength_m": (0.0, 1e3),
@@ -65,6 +65,7 @@ def read_ranges(path: Path, tool: Ranging | None = None) -> RangeImage:
         hint = f"say it with --tool, or give a {OWN} file that `measurement image` has written"
         raise _refused(path, "a depth image does not tell which tool took it", hint)
     depth = read_depth(path, picture_of(tool))
+    depth = np.where((depth > LEAST) & (depth < LARGEST), depth, 0.0)
     counts = depth / PNG_UNIT_M
     whole = bool((np.abs(counts - np.rint(counts)) < WHOLE).all())
     return of_depths(depth, tool, PNG_UNIT_M if whole else 0.0)
@@ -84,7 +85,7 @@ def _own(path: Path) -> RangeImage:
     except Exception as error:  # what a garbled file makes the readers raise is not laid down
         said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         raise _refused(path, f"it cannot be read: {said}", "write it with `measurement image`") from None
-    known = (ranges > 0) & (strength > 0)
+    known = (ranges > LEAST) & (strength > LEAST)
     ranges, strength = (np.where(known, each, 0.0) for each in (ranges, strength))
     return RangeImage(tool, ranges, strength, wrapped, guessed, step_m)
 

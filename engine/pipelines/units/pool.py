@@ -15,12 +15,13 @@ from engine.pipelines.units.guard import limited_memory, share
 from engine.pipelines.units.work import Kind, Unit, one
 
 ENDING = 0.5  # seconds that processes may take to end their searches
+SERVER = "engine.pipelines.units.server"  # what the process loads first that forks the others
 FORKED = multiprocessing.get_context("forkserver")
 
 
 def loading(modules: Sequence[str]) -> None:
     """Begin to load modules that units need, while this process goes on; all processes of later pools have them at once."""
-    forkserver.set_forkserver_preload([*modules])
+    forkserver.set_forkserver_preload([SERVER, *modules])
     with _deaf():
         forkserver.ensure_running()
 
@@ -44,6 +45,7 @@ class Pool:
     patience = 3
 
     def __init__(self, processes: int) -> None:
+        loading(())  # nothing more, if the server runs already
         self._processes = processes
         self._stop = FORKED.Event()
         self._pool = self._made()

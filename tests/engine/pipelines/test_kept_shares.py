@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from engine.faces.cli import app
 from engine.model.outcome import Found
 from engine.pipelines.inspection.progress import News
 from engine.pipelines.objective import sequenced
@@ -98,3 +100,12 @@ def test_a_plan_follows_the_kept_shares(store: str, six: Problem) -> None:
     assert followed is not None
     assert isinstance(followed.outcome, Found)
     assert {str(each.resources[-1]) for each in followed.outcome.plan.steps} == {"west"}
+
+
+@pytest.mark.parametrize(
+    "option", [["--closed"], ["--cost", "joints"], ["--method", "exact"], ["--start", "m1"]]
+)
+def test_options_of_one_arm_are_refused_where_several_share(option: list[str]) -> None:
+    result = CliRunner().invoke(app, ["sequence", "halves/six", *option])
+    assert result.exit_code == 2, result.output
+    assert "where several arms share" in " ".join(result.output.replace("│", " ").split())

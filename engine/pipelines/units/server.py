@@ -1,0 +1,15 @@
+"""What the server that forks the processes of a pool loads first: it ends with the command, also while it loads the rest.
+
+The server would notice the end of the command only when everything is loaded. Elsewhere, loading this module does nothing.
+"""
+
+import contextlib
+import ctypes
+import signal
+import sys
+
+PR_SET_PDEATHSIG = 1
+
+if any("multiprocessing.forkserver" in each for each in sys.orig_argv):
+    with contextlib.suppress(OSError, AttributeError):  # not Linux
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
