@@ -1,5 +1,7 @@
 """The witness and the driver `mujoco`: plans that move are confirmed by physics, and what physics hinders is found and mended."""
 
+from pathlib import Path
+
 import pytest
 
 pytest.importorskip("mujoco")
@@ -112,6 +114,29 @@ def test_a_part_that_slips_out_of_the_hand_is_not_gripped() -> None:
     assert cell.answer("sense_grip_force") == "slack"
     assert cell.answer("sense_wrist_force") == "plausible"
     assert cell.take("sense(grip_width)", "value(Reading)") == "value(wide_open)"
+
+
+@pytest.mark.slow
+def test_an_arm_that_touches_what_nobody_knows_of_goes_back_and_then_around(tmp_path: Path) -> None:
+    file = tmp_path / "crate.yaml"
+    file.write_text(
+        "cell: surprise\nfixtures:\n  crate: {at: [0.62, -0.1, 1.0], shapes: [{box: [0.08, 0.08, 0.5]}]}\n"
+    )
+    cell = cell_with(obstacles=str(file))
+    assert isinstance(cell.body, Body)
+    stage, world = cell.body.stage, cell.body.stage.world
+    assert cell.take("press_switch(closed, open)", "done") == "done"
+    before = stage.actual(world).configuration
+    assert cell.take("turn_bayonet(locked, unlocked)", "done") == "obstructed"
+    assert cell.told() == {
+        "seen": {"crate": {"at": [0.62, -0.1, 1.0], "rpy": [0.0, 0.0, 0.0], "box": [0.08, 0.08, 0.5]}}
+    }
+    assert abs(stage.actual(world).configuration - before).max() < 0.01
+    assert "position(bayonet, locked)" in set(map(str, cell.world.facts))
+    known = len(stage.touches.found)
+    assert cell.take("turn_bayonet(locked, unlocked)", "done") == "done"
+    assert stage.touches.found[known:] == ()
+    assert cell.told() == {}
 
 
 def test_a_drawer_that_is_blocked_does_not_open_until_somebody_has_cleared_it() -> None:

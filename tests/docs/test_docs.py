@@ -222,7 +222,7 @@ def test_every_option_that_is_named_exists() -> None:
     options = {name for each in commands for parameter in each.params for name in parameter.opts}
     others = {"--help", "--update-golden"}  # of every command; of the tests
     for name, page in PAGES.items():
-        prose = re.sub(r"^```.*?^```|`benchmarks/[^`]*`", "", page, flags=re.M | re.S)
+        prose = re.sub(r"^```.*?^```|`(?:python )?benchmarks/[^`]*`", "", page, flags=re.M | re.S)
         assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", prose)) <= options | others, name
 
 

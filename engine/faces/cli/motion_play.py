@@ -9,6 +9,7 @@ from engine.faces.cli.exits import exit_code
 
 if TYPE_CHECKING:
     from engine.pipelines.moves.film import Shot
+    from engine.pipelines.moves.seen import Seen
     from kb.model.cell import Cell
     from kb.model.problem import Problem
     from kb.terms import Atom, Function
@@ -49,6 +50,7 @@ def film_of_run(
     """The film of a run, from its journal. Raises `InvalidInput` if there is no such run."""
     from engine.pipelines.gate import PlanGate
     from engine.pipelines.moves.film import filmed, takes_of_run
+    from engine.pipelines.moves.seen import with_seen
     from engine.pipelines.moves.walking import Walk
     from engine.pipelines.planning import problem_of
     from engine.plugins import geometry_backend
@@ -60,9 +62,19 @@ def film_of_run(
         problem: Problem = problem_of(str(about["target"]), str(about["goals"]), str(about["command"]))
         cell: Cell = cell_of(str(about["target"]))
         semantics = PlanGate().semantics(problem)
-        walk = Walk(semantics, cell, geometry_backend(), seed)
-        takes = takes_of_run(walk, semantics.initial(), _told(journal.lines(run, kinds=("done", "world"))))
+        lines = list(journal.lines(run, kinds=("done", "world")))
+        walk = Walk(semantics, with_seen(cell, _met(lines, cell)), geometry_backend(), seed)
+        takes = takes_of_run(walk, semantics.initial(), _told(lines))
         return _written(list(filmed(takes, every_s)), output, every_s, seen)
+
+
+def _met(lines: Any, cell: "Cell") -> "list[Seen]":
+    """What the arm has met in a run: it is shown from the beginning on."""
+    from engine.model.execution import SEEN
+    from engine.pipelines.moves.seen import seen_in
+
+    bodies = {name: at for line in lines for name, at in line.content.get("bodies", {}).items() if at}
+    return list(seen_in({SEEN: bodies}, cell)[0])
 
 
 def _told(lines: Any) -> "Iterator[tuple[Function | None, list[Atom], list[Atom]]]":

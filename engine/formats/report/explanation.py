@@ -8,15 +8,15 @@ from engine.model.explanation import Amendment, Explanation, Purpose, StepReason
 
 IN_FULL = 6  # changes that are told with the way from the goal to what they give
 _SAID = {  # what edits of one kind are said to be, and how each is said
-    "add static": ("if it were a fact that", "{0}"),
-    "remove static": ("if it were not a fact that", "{1}"),
-    "change static": ("if it were a fact that", "{0} instead of {1}"),
-    "add initial": ("if at the start", "{0}"),
-    "remove initial": ("if it were not so at the start that", "{1}"),
-    "change initial": ("if at the start", "{0} instead of {1}"),
-    "add object": ("if there were one more object:", "{0}"),
-    "remove object": ("without the object", "{1}"),
-    "change object": ("if the object were", "{0} instead of {1}"),
+    "add static": ("if the problem also said {}", "{0}"),
+    "remove static": ("if nothing said {}", "{1}"),
+    "change static": ("if the problem said {}", "{0} instead of {1}"),
+    "add initial": ("if {} held at the start", "{0}"),
+    "remove initial": ("if {} did not hold at the start", "{1}"),
+    "change initial": ("if {}", "{0} held at the start instead of {1}"),
+    "add object": ("with one more object: {}", "{0}"),
+    "remove object": ("without the object {}", "{1}"),
+    "change object": ("with the object {}", "{0} instead of {1}"),
 }
 
 
@@ -41,7 +41,8 @@ def explanation(found: Explanation) -> Text:
     elif not any(change.edits for change in found.changes):
         lines.append("No change of one fact would help, and none of two or three facts was found.")
     for number, change in enumerate(found.changes):
-        lines.append(f"There is a plan of {change.proof} steps {said(change)}")
+        steps = f"{change.proof} step{'' if change.proof == 1 else 's'}"
+        lines.append(f"There would be a plan of {steps} {said(change)}")
         lines += [f"    {line}" for line in change.missing] if number < IN_FULL else []
     if any(change.missing for change in found.changes[IN_FULL:]):
         lines.append("`--format json` tells of every change how it leads to the goal.")
@@ -60,7 +61,7 @@ def said(change: Amendment) -> str:
     for edit in change.edits:
         way = _SAID[f"{edit.verb} {edit.layer}"][1]
         kinds.setdefault(f"{edit.verb} {edit.layer}", []).append(way.format(edit.added, edit.removed))
-    return " and ".join(f"{_SAID[kind][0]} {' and '.join(facts)}" for kind, facts in kinds.items())
+    return " and ".join(_SAID[kind][0].format(" and ".join(facts)) for kind, facts in kinds.items())
 
 
 def explanation_entry(found: Explanation) -> dict[str, Any]:

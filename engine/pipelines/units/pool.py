@@ -15,6 +15,7 @@ from engine.pipelines.units.guard import limited_memory, share
 from engine.pipelines.units.work import Kind, Unit, one
 
 ENDING = 0.5  # seconds that processes may take to end their searches
+SAFE_PATH = "PYTHONSAFEPATH"  # Python's own variable
 SERVER = "engine.pipelines.units.server"  # what the process loads first that forks the others
 FORKED = multiprocessing.get_context("forkserver")
 
@@ -22,7 +23,7 @@ FORKED = multiprocessing.get_context("forkserver")
 def loading(modules: Sequence[str]) -> None:
     """Begin to load modules that units need, while this process goes on; all processes of later pools have them at once."""
     forkserver.set_forkserver_preload([SERVER, *modules])
-    with _deaf():
+    with _deaf(), _apart():
         forkserver.ensure_running()
 
 
@@ -60,7 +61,7 @@ class Pool:
 
     def give(self, kind: Kind[Any, Any], unit: Unit[Any]) -> Future[Any]:
         """See `Hands`."""
-        with _deaf():
+        with _deaf(), _apart():
             return self._pool.submit(_one, kind, unit)
 
     def renew(self) -> None:
@@ -107,6 +108,18 @@ def _deaf() -> Iterator[None]:
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
         signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def _apart() -> Iterator[None]:
+    """Python that is started inside this context does not look for modules in the present folder, which may have our names."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(SAFE_PATH)
+        os.environ.update({} if before is None else {SAFE_PATH: before})
 
 
 _STOPS: list[Event] = []  # in a process of the pool: the event that tells it to stop

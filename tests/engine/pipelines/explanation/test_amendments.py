@@ -178,8 +178,8 @@ def test_advice_is_said_in_plain_words() -> None:
         Edit("initial", None, atom("at(lid, rim)")),
     )
     said = str(text(Explanation("infeasible", ("g",), changes=(Amendment(edits, proof=3),))))
-    assert "a plan of 3 steps if it were a fact that small(bolt) and small(nut)" in said
-    assert "and if it were not so at the start that at(lid, rim)" in said
+    assert "a plan of 3 steps if the problem also said small(bolt) and small(nut)" in said
+    assert "and if at(lid, rim) did not hold at the start" in said
 
 
 def test_a_comparison_is_solved_for_any_side() -> None:
