@@ -15,14 +15,14 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
-from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from handey_operators import RESTS, lying, script
+from handey_peers import peers
+from handey_physics import pegs_by_arm, place_whole, three_fingers
 from handey_scenes import trial
 from rich.console import Console
 
@@ -30,24 +30,17 @@ from engine.kernels.rigid import apply, difference, turned
 from engine.model.assembly import Assembled, Feature, FeatureKind, Relation, RelationKind
 from engine.model.grasping import Regrasps
 from engine.model.vision import Located
-from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.goals import goal_of
 from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.placing import place
 from engine.pipelines.placing.site import Site
 from engine.pipelines.placing.watching import watched
 from engine.pipelines.placing.ways import most_vertical, possible
 from engine.stages.assembly.relations import assemble
-from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
 from engine.stages.grasping.insertion import Insertion, Phase, Search
 from engine.stages.grasping.regrasps import regrasps
 from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.localisation import locate
-from kb.loader.scene import load_scene
-from kb.model.cell import Placement
-from kb.model.scene import Scene
-from kb.targets import BUNDLED
 
 Figures = dict[str, Any]
 
@@ -82,7 +75,7 @@ def _consistent(random: np.random.Generator, T: Any) -> list[Relation]:
 def localisation(number: int, first: int) -> Figures:
     """How many parts are found within 2 mm and 1 degree, how many wrongly, and the processor times in seconds."""
     counts: Counter[str] = Counter()
-    times, wrong, metres_all, radians_all = [], [], [], []
+    times, wrong, missed, metres_all, radians_all = [], [], [], [], []
     for seed, present in product(range(first, first + number), (True, False)):
         made = trial(seed, present)
         model = Model(made.part)
@@ -91,6 +84,8 @@ def localisation(number: int, first: int) -> Figures:
         times.append(time.process_time() - started)
         if not isinstance(found, Located):
             counts["not found, is there" if present else "not found, is not there"] += 1
+            if present:
+                missed.append([seed, found.reason])
         elif made.T_camera_part is None:
             counts["found, is not there"] += 1
             wrong.append(seed)
@@ -110,6 +105,7 @@ def localisation(number: int, first: int) -> Figures:
         "p95_s": float(np.quantile(times, 0.95)),
         "median_mm": 1000 * float(np.median(metres_all)),
         "median_degrees": float(np.degrees(np.median(radians_all))),
+        "missed": missed,
         "wrong seeds": wrong,
         "wrong in all": len(wrong),
     }
@@ -141,41 +137,6 @@ def _brute_force(start: Any, goal: Any, possible: Any) -> int | None:
     return None
 
 
-def placing(number: int, first: int) -> Figures:
-    """The bundled scene with the part in drawn places: what comes of it, and processor times in seconds."""
-    scene = load_scene(BUNDLED / "handey" / "scene.yaml")
-    counts: Counter[str] = Counter()
-    times = []
-    for seed in range(first, first + number):
-        drawn, T = _drawn(scene, seed)
-        started = time.process_time()
-        found, _ = place(drawn, "angle", "base", seed)
-        times.append(time.process_time() - started)
-        if not isinstance(found, Placed):
-            counts[f"stopped by {found.step}"] += 1
-            continue
-        legs = [leg for carry in found.carries for leg in carry.legs]
-        counts["placed"] += 1
-        counts["all legs proved"] += int(all(leg.proved for leg in legs))
-        counts[f"{len(found.carries) - 1} regrasps"] += 1
-        metres, _ = difference(found.T_world_part, T)
-        counts["wrong"] += int(metres > 0.002)
-        if find_spec("mujoco"):
-            counts["executed to within 3 mm"] += int(_executed(drawn, found))
-    return {**counts, "median_s": float(np.median(times)), "p95_s": float(np.quantile(times, 0.95))}
-
-
-def _drawn(scene: Scene, seed: int) -> tuple[Scene, Any]:
-    """The bundled scene with the part in a drawn place, and that place."""
-    random = np.random.default_rng(seed)
-    body = scene.cell.bodies["angle"]
-    T = np.eye(4)
-    T[:3, :3] = turned(np.array([0, 0, random.uniform(-np.pi, np.pi)]))
-    T[:3, 3] = random.uniform(0.40, 0.52), random.uniform(0.08, 0.19), 0.025
-    moved = replace(body, placement=Placement("world", transforms.to_pose(T)))
-    return replace(scene, cell=replace(scene.cell, bodies={**scene.cell.bodies, "angle": moved})), T
-
-
 def ablation(number: int, first: int) -> Figures:
     """How often the grasp that is best where the wheel lies fails at its goal: without the goal's obstacles, it would be taken.
 
@@ -201,16 +162,6 @@ def ablation(number: int, first: int) -> Figures:
         "best grasps that fail at the goal": int(sum(best)),
         "share of all grasps that fail there": float(np.mean(shares)),
     }
-
-
-def _executed(scene: Scene, found: Placed) -> bool:
-    """Whether physics brings the part to within 3 mm of its goal, and nothing else is touched. Needs the extra `mujoco`."""
-    from engine.pipelines.workshop.running import Went, brought
-    from engine.pipelines.workshop.shop import Workshop
-
-    shop = Workshop(scene)
-    went, (metres, _) = brought(scene, "angle", found, shop)
-    return went is Went.DONE and metres < 0.003 and not shop.stage.touches.found
 
 
 def monitoring(number: int, first: int) -> Figures:
@@ -253,10 +204,13 @@ PARTS: dict[str, Callable[[int, int], Figures]] = {
     "relations": relations,
     "localisation": localisation,
     "regrasps": sequences,
-    "place": placing,
+    "place": place_whole,
+    "fingers": three_fingers,
     "ablation": ablation,
     "monitoring": monitoring,
     "pegs": pegs,
+    "arm-pegs": pegs_by_arm,
+    "peers": peers,
 }
 
 

@@ -148,7 +148,7 @@ def _laid(random: np.random.Generator) -> list[tuple[Solid, Floats]]:
             T = _lying(random, part)
             T[:2, 3] = random.uniform(-0.19, 0.19), random.uniform(-0.13, 0.13)
             outline = apply(T, part.vertices)[:, :2]
-            if all(_apart(outline, other) for other in outlines):
+            if all(separate(outline, other) for other in outlines):
                 found.append((part, T))
                 outlines.append(outline)
                 break
@@ -172,13 +172,13 @@ def _lying(random: np.random.Generator, part: Solid) -> Floats:
     return T
 
 
-def _apart(one: Floats, other: Floats) -> bool:
-    """Whether the hulls of two sets of points (n, 2) are at least a millimetre apart along one of their edges' normals."""
+def separate(one: Floats, other: Floats, by: float = 1e-3) -> bool:
+    """Whether the hulls of two sets of points (n, 2) are so far apart (m) along one of their edges' normals."""
     for points in (one, other):
         for normal in ConvexHull(points).equations[:, :2]:
-            if (one @ normal).min() > (other @ normal).max() + 1e-3:
+            if (one @ normal).min() > (other @ normal).max() + by:
                 return True
-            if (other @ normal).min() > (one @ normal).max() + 1e-3:
+            if (other @ normal).min() > (one @ normal).max() + by:
                 return True
     return False
 

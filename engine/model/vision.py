@@ -51,7 +51,7 @@ class Hypothesis:
 
     `agreeing` is the share, of the pixels where the part would be seen and nothing is before it, that show its surface.
     `seen` is the share of its picture that shows it. `edged` is the share of its outline, as far as it is seen, where the
-    surface ends. `pixels` counts the pixels that show it. `evidence` is twice the gain in log-likelihood over knowing nothing
+    surface ends, and `off_px` by how many pixels the piece of an edge is off that is off most. `pixels` counts the pixels that show it. `evidence` is twice the gain in log-likelihood over knowing nothing
     of the part: what each pixel, and each place of the outline, is nearer than the farthest that still agrees. A pixel through which
     something is seen that lies behind the part counts against it.
     """
@@ -62,6 +62,7 @@ class Hypothesis:
     edged: float
     pixels: int
     evidence: float
+    off_px: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

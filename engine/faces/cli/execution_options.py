@@ -16,10 +16,6 @@ if TYPE_CHECKING:
 def shifts_of(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "list[Shift]":
     """What is moved (PART=X,Y,TURN in mm and degrees) or taken away after it was seen. Raises `InvalidInput`."""
     needs_mujoco("--execute")
-    if scene.hand.fingers != 2:
-        message = f"physics has parallel jaws, and the hand of {scene.name} has {scene.hand.fingers} fingers"
-        hint = "leave out --execute, or give the hand `fingers: 2`"
-        raise InvalidInput([Diagnostic(Source("--execute"), "K005", message, hint)])
     return list(_shifts(scene, shifted, removed))
 
 

@@ -1,23 +1,31 @@
 """`cellwright place`: a part is found, taken, and put where relations say."""
 
+import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
+from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, STOPPED
+from engine.faces.cli.motion import Strategy, Way
 from engine.faces.cli.options import Format, Seed
 from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
 
 if TYPE_CHECKING:
-    from engine.formats.report.depth_picture import Hands
-    from engine.model.vision import DepthImage
     from engine.pipelines.placing.answers import Placed
-    from engine.pipelines.placing.looking import Looked
     from kb.model.scene import Scene
 
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
+
+
+class Approach(StrEnum):
+    """The ways in which a hand comes to a grasp, named here so that help needs no array library."""
+
+    STRAIGHT = "straight"
+    COMPLETE = "complete"
+    POTENTIAL = "potential"
 
 
 def place(
@@ -36,64 +44,99 @@ def place(
     ] = None,
     seed: Seed = 0,
     format: Format = Form.TEXT,
+    approach: Annotated[
+        Approach,
+        typer.Option(
+            help="complete: straight, else the best way in the grasp plane; straight; potential: Handey's field of forces"
+        ),
+    ] = Approach.COMPLETE,
+    strategy: Strategy = Way.CONNECT,
+    execute: Annotated[bool, typer.Option("--execute", help="carry it out in MuJoCo")] = False,
+    approve: Annotated[
+        bool, typer.Option("--approve", help="with --execute: show the plan and ask before anything moves")
+    ] = False,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="a folder for pictures: the part found, and its grasps"),
+        typer.Option(
+            "--output", "-o", help="a folder for a picture of each stage, and a preview of the motion"
+        ),
     ] = None,
 ) -> None:
     """Place a part ON another one, as the relations of a scene say: find it, grasp it, and plan all motions."""
     if on.lower() != "on":
         raise typer.BadParameter(f"write: place {part} on {base}", param_hint="ON")
-    give(lambda: _placed(part, base, scene_of(scene, calibration), (image, again), seed, output), format)
+    if approve and not execute:
+        raise typer.BadParameter("--approve asks before something moves: add --execute")
+    if execute and (image or again):
+        raise typer.BadParameter("--execute makes its images from the scene: leave out --image and --again")
+    names = (part, base)
+    manner, moves = (approach.value, strategy.value), (execute, approve)
+    give(
+        lambda: _placed(names, scene_of(scene, calibration), (image, again), seed, manner, moves, output),
+        format,
+    )
 
 
 def _placed(
-    part: str,
-    base: str,
+    names: tuple[str, str],
     read: "Scene",
     images: tuple[Path | None, Path | None],
     seed: int,
+    said_manner: tuple[str, str],
+    moves: tuple[bool, bool],
     output: Path | None,
 ) -> Answer:
     from rich.text import Text
 
+    from engine.faces.cli.execution_options import needs_mujoco
+    from engine.faces.cli.place_pictures import draw
     from engine.formats.interop.depth_files import read_depth
     from engine.formats.report import placing as report
+    from engine.model.motion import Strategy
     from engine.pipelines.placing import looking, placing
     from engine.pipelines.placing.answers import Placed
+    from engine.pipelines.placing.task import Coming, Manner
 
+    part, base = names
+    if moves[0]:
+        needs_mujoco("--execute")
+    manner = Manner(Coming(said_manner[0]), Strategy(said_manner[1]))
     given, later = (read_depth(each, looking.camera_of(read)) if each else None for each in images)
-    found, looked = placing.place(read, part, base, seed, given)
+    found, looked = placing.place(read, part, base, seed, given, manner)
     before = ""
     if later is not None and isinstance(found, Placed):
         since = placing.again(read, part, base, found, later)
         found, looked, before = since.answer, since.looked, report.since(since, part)
     status, said = report.status(found), before + report.text(found, part, base)
     if output is not None and looked is not None:
-        output.mkdir(parents=True, exist_ok=True)
-        drawn, taken = output / "depth.png", output / "grasps.png"
-        drawn.write_bytes(_picture(read, part, looked))
-        said = f"{said}\n{drawn}"
-        if isinstance(found, Placed):
-            taken.write_bytes(_picture(read, part, looked, _hands(found, looked)))
-            said = f"{said}\n{taken}"
+        files = draw(read, part, found, looked, manner, output)
+        said = "\n".join([said, *map(str, files)])
+    if moves[0] and isinstance(found, Placed):
+        return _executed(read, part, found, moves[1], said)
     return Answer(status, report.content(found), lambda: Text(said), CODES[status])
 
 
-def _picture(scene: "Scene", part: str, looked: "Looked", hands: "Hands" = ()) -> bytes:
-    from engine.formats.report.depth_picture import picture
-    from engine.stages.geometry.shapes.solids import solid_of
+def _executed(read: "Scene", part: str, found: "Placed", approve: bool, said: str) -> Answer:
+    """What comes of a plan in physics, if whoever is asked approves it."""
+    from rich.text import Text
 
-    best = looked.sightings[part].best
-    image: DepthImage = looked.image
-    return picture(image, solid_of(scene.cell.bodies[part]), best.T_camera_part if best else None, hands)
+    from engine.formats.report import placing as report
+    from engine.formats.report import workshop
+
+    planned = report.content(found)
+    if approve and not _approved(said):
+        return Answer("stopped", planned, lambda: Text("nothing was moved"), STOPPED)
+    from engine.pipelines.workshop.running import carried
+
+    done = carried(read, part, found)
+    text = workshop.carried_text(done, part)
+    content = {**planned, "execution": workshop.carried_content(done)}
+    told = text if approve else f"{said}\n{text}"
+    return Answer(done.status, content, lambda: Text(told), 0 if done.status == "reached" else STOPPED)
 
 
-def _hands(found: "Placed", looked: "Looked") -> "Hands":
-    """Where the hand can take the part, and where it does."""
-    from engine.kernels.rigid import inverse
-
-    T = inverse(looked.T_world_camera) @ found.T_world_part
-    first = found.carries[0]
-    chosen = [(T @ first.T_part_hand, first.grasp.width_m, True)]
-    return [*chosen, *((T @ pose, width, False) for pose, width in found.possible)]
+def _approved(said: str) -> bool:
+    """Show what is planned, and ask the person at the terminal."""
+    sys.stderr.write(f"{said}\ncarry this out? [y/n] ")
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().lower() in ("y", "yes")

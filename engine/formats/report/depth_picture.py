@@ -11,7 +11,7 @@ from engine.model.geometry import Floats
 from engine.model.solid import Solid
 from engine.model.vision import DepthImage
 
-NOTHING, EDGE = (70, 90, 160), (230, 60, 40)
+NOTHING, EDGE, FOUND = (70, 90, 160), (230, 60, 40), (40, 190, 220)
 POSSIBLE, CHOSEN, SHORT, LONG = (60, 200, 90), (250, 210, 40), 1, 4
 BACK_M = 0.04  # how far a line that stands for a hand goes back
 
@@ -20,12 +20,17 @@ Hands = Sequence[tuple[Floats, float, bool]]
 
 
 def picture(
-    image: DepthImage, solid: Solid | None = None, T_camera_part: Floats | None = None, hands: Hands = ()
+    image: DepthImage,
+    solid: Solid | None = None,
+    T_camera_part: Floats | None = None,
+    hands: Hands = (),
+    edges: Sequence[tuple[Floats, Floats]] = (),
 ) -> bytes:
     """The PNG of a depth image, with the edges of a solid at a pose (4, 4), if there is one.
 
     Each of `hands` is a pose T_camera_hand (4, 4), the width to which it closes, and whether it is the chosen one. It is drawn as
-    the line between its pads, and one back to the hand; the chosen one is yellow, all others are green.
+    the line between its pads, and one back to the hand; the chosen one is yellow, all others are green. `edges` that were found in the
+    image, each with both ends (2,) as (u, v), are cyan.
     """
     depth = image.depth
     seen = depth > 0
@@ -33,6 +38,9 @@ def picture(
     grey = (235 - 200 * np.clip((depth - low) / max(high - low, 1e-6), 0, 1)).astype(np.uint8)
     shown = np.where(seen[..., None], grey[..., None], np.array(NOTHING, dtype=np.uint8))
     drawn = Image.fromarray(shown.astype(np.uint8))
+    for one, other in edges:
+        line = [(float(one[0]), float(one[1])), (float(other[0]), float(other[1]))]
+        ImageDraw.Draw(drawn).line(line, fill=FOUND, width=3)
     if solid is not None and T_camera_part is not None:
         pen = ImageDraw.Draw(drawn)
         for facet in solid.facets:
@@ -43,8 +51,8 @@ def picture(
         half = width_m / 2
         ends = np.array([[-half, 0, -BACK_M], [-half, 0, 0], [half, 0, 0], [half, 0, -BACK_M]])
         u, v = image.camera.pixels(apply(T, ends))
-        line = [(float(x), float(y)) for x, y in zip(u, v, strict=True)]
-        ImageDraw.Draw(drawn).line(line, fill=CHOSEN if chosen else POSSIBLE, width=LONG if chosen else SHORT)
+        hand = [(float(x), float(y)) for x, y in zip(u, v, strict=True)]
+        ImageDraw.Draw(drawn).line(hand, fill=CHOSEN if chosen else POSSIBLE, width=LONG if chosen else SHORT)
     made = io.BytesIO()
     drawn.save(made, "PNG")
     return made.getvalue()

@@ -7,10 +7,11 @@ import numpy as np
 from engine.kernels.geometry.proof import proved
 from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats
-from engine.model.motion import FINEST_M, Moved, Query
+from engine.model.motion import FINEST_M, Moved, Query, Strategy
 from engine.pipelines.placing.answers import Carry, Leg, NotPlaced
-from engine.pipelines.placing.holding import BACK_M, HAND, Reach, with_hand
-from engine.pipelines.placing.task import Task
+from engine.pipelines.placing.approaching import WayOut
+from engine.pipelines.placing.holding import HAND, Reach, with_hand
+from engine.pipelines.placing.task import UNKNOWN, Task
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.motion.planner import plan
 
@@ -26,19 +27,20 @@ def carried(
     here, there = poses
     grasp, T = task.holds.grasps[task.holds.grasp_of[hold]], task.holds.poses[hold]
     empty, above, full, free, left = _reaches(task, grasp.opening, T, poses)
-    back, up = -BACK_M * (here @ T)[:3, 2], np.array([0.0, 0.0, LIFT_M])
+    out = WayOut(task, hold, here), WayOut(task, hold, there)
+    up, strategy = np.array([0.0, 0.0, LIFT_M]), task.manner.strategy
     for q in ends(empty, here @ T, near):
-        taken = empty.line(here @ T, q, back)
+        taken = out[0].configurations(empty, q)
         lifted = full.line(here @ T, q, up)
         if taken is None or lifted is None:
             continue
         for end in ends(left, there @ T, q):
             lowered = full.line(there @ T, end, up)
-            away = left.line(there @ T, end, -BACK_M * (there @ T)[:3, 2])
+            away = out[1].configurations(left, end)
             if lowered is None or away is None:
                 continue
-            first = gross(above, near, taken[-1])
-            second = gross(free, lifted[-1], lowered[-1])
+            first = gross(above, near, taken[-1], strategy)
+            second = gross(free, lifted[-1], lowered[-1], strategy)
             if first is None or second is None:
                 continue
             legs = (
@@ -51,7 +53,9 @@ def carried(
             )
             return Carry(grasp, T, here, there, rest, legs)
     hint = "move what stands between, or the table where parts are taken anew"
-    return NotPlaced("motion", f"no motion carries {task.part} with the grasps that are possible", hint)
+    stuck = " ".join(dict.fromkeys(why for each in out if (why := each.stuck())))
+    said = f"no motion carries {task.part} with the grasps that are possible"
+    return NotPlaced("motion", f"{said}; in the grasp plane {stuck}" if stuck else said, hint)
 
 
 def _reaches(
@@ -59,20 +63,25 @@ def _reaches(
 ) -> tuple[Reach, ...]:
     """What the arm meets with the part where it lies (near, far), in the hand (near, far), and put down (near).
 
-    Far from what is taken or put down, it also keeps away from what is only seen.
+    It keeps away from what is only seen. Near what is taken or put down, the hand and the part may pass through the blocks that
+    stand for that: they are coarse, and holds were compared with all that is seen.
     """
-    world, crowded = (
-        with_hand(each, task.scene, task.holds.jaws, opening) for each in (task.world, task.crowded)
-    )
-    arm, (here, there), T_hand_part = task.scene.hand.arm, poses, inverse(T_part_hand)
-    held = frozenset([frozenset((HAND, task.part))])
+    crowded, arm = with_hand(task.crowded, task.scene, task.holds.jaws, opening), task.scene.hand.arm
+    (here, there), T_hand_part = poses, inverse(T_part_hand)
+    held = crowded.put(task.part, f"{arm}.tool", T_hand_part)
+    near = through_unknown(task)
     return (
-        Reach(world.put(task.part, "world", here), arm),
+        Reach(crowded.put(task.part, "world", here), arm, near),
         Reach(crowded.put(task.part, "world", here), arm),
-        Reach(world.put(task.part, f"{arm}.tool", T_hand_part), arm, touching(task)),
-        Reach(crowded.put(task.part, f"{arm}.tool", T_hand_part), arm, held),
-        Reach(world.put(task.part, "world", there), arm),
+        Reach(held, arm, touching(task) | near),
+        Reach(held, arm, frozenset([frozenset((HAND, task.part))])),
+        Reach(crowded.put(task.part, "world", there), arm, near),
     )
+
+
+def through_unknown(task: Task) -> frozenset[frozenset[str]]:
+    """The hand and the part may pass through the blocks for what is only seen."""
+    return frozenset(frozenset((each, UNKNOWN)) for each in (HAND, task.part))
 
 
 def straight(what: str, path: Floats, carries: bool, reach: Reach) -> Leg:
@@ -92,11 +101,10 @@ def ends(reach: Reach, T_world_hand: Floats, near: Floats) -> Floats:
     return reach.configurations(T_world_hand, near)[:CHOICES]
 
 
-def gross(reach: Reach, start: Floats, goal: Floats) -> Moved | None:
+def gross(reach: Reach, start: Floats, goal: Floats, strategy: Strategy = Strategy.CONNECT) -> Moved | None:
     """A proved motion between two configurations (k,); None if none is found."""
     own = reach.hand.own
-    found = plan(
-        Ground(reach.checker),
-        Query(start, goal[None], budget=BUDGET, moving=tuple(range(own.start, own.stop))),
-    )
+    moving = tuple(range(own.start, own.stop))
+    query = Query(start, goal[None], budget=BUDGET, moving=moving, strategy=strategy)
+    found = plan(Ground(reach.checker), query, reach.hand)
     return found if isinstance(found, Moved) else None

@@ -30,6 +30,7 @@ from kb.model.shapes import Box, PlacedShape, Pose
 HAND = "the_hand"  # the body that stands for the gripper; no file can name it so, since a scene's cell is checked for it
 TURNS = 24
 BACK_M = 0.1  # how far the hand backs off
+FLIP_RAD = 0.4  # a joint that turns more between two near poses goes over to another posture
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,12 +159,16 @@ class Reach:
 
     def line(self, T_world_hand: Floats, q: Floats, shift: Floats, steps: int = 6) -> Floats | None:
         """Free configurations (steps + 1, k) from q (k,) on, while the hand moves straight by `shift` (3,); None if it cannot."""
-        poses = np.repeat(T_world_hand[None], steps, axis=0)
-        poses[:, :3, 3] += np.linspace(0, 1, steps + 1)[1:, None] * shift
+        poses = np.repeat(T_world_hand[None], steps + 1, axis=0)
+        poses[:, :3, 3] += np.linspace(0, 1, steps + 1)[:, None] * shift
+        return self.through(poses, q)
+
+    def through(self, T_world_hand: Floats, q: Floats) -> Floats | None:
+        """Free configurations (m, k) from q (k,) on, at the first of some poses of the hand (m, 4, 4), through the others; None if it cannot."""
         path = [q]
-        for pose in poses:
+        for pose in T_world_hand[1:]:
             found = self.hand.reaching(pose[None], path[-1])[0]
-            if not len(found) or np.abs(found[0] - path[-1]).max() > 0.4:
+            if not len(found) or np.abs(found[0] - path[-1]).max() > FLIP_RAD:
                 return None
             path.append(found[0])
         return None if self.checker.collides(np.array(path[1:])).any() else np.array(path)

@@ -14,6 +14,7 @@ from engine.stages.geometry.world.model import World
 from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.images import Sensor, disturbed, rendered
 from engine.stages.vision.localisation import Ground, locate
+from engine.stages.vision.outlines import regions_of
 from kb.model.scene import Scene
 
 KNOWN = 4.0  # of the noise: what is nearer to the known scene is that
@@ -77,6 +78,22 @@ def look(scene: Scene, world: World, parts: Sequence[str], seed: int, given: Flo
         known_by = np.array(scene.calibrated.covariance)
         found = {part: doubted(each, camera, T_world_camera, known_by) for part, each in found.items()}
     return Looked(image, T_world_camera, ground, found)
+
+
+def edges_of(looked: Looked) -> list[tuple[Floats, Floats]]:
+    """The straight edges that were found in an image: both ends (2,) of each, as (u, v)."""
+    camera, found = looked.image.camera, []
+    for region in regions_of(looked.image, looked.ground.known):
+        lines = region.lines
+        for side in range(2):
+            flat = lines.normal * lines.offset[:, None] + lines.along * lines.ends[:, side, None]
+            points = np.column_stack([flat, np.full(len(flat), region.offset)]) @ region.axes.T
+            found.append(np.stack(camera.pixels(points), axis=-1))
+    return [
+        (a, b)
+        for one, other in zip(found[::2], found[1::2], strict=True)
+        for a, b in zip(one, other, strict=True)
+    ]
 
 
 def corrected(scene: Scene, depth: Floats) -> DepthImage:

@@ -9,20 +9,27 @@ from engine.model.assembly import Contradiction
 from engine.model.geometry import Floats
 from engine.model.vision import Located, NotLocated
 from engine.pipelines.placing.answers import NotPlaced, PlaceAnswer, Placed
-from engine.pipelines.placing.doubt import brought
+from engine.pipelines.placing.doubt import brought as doubted
 from engine.pipelines.placing.fit import insertion_of
 from engine.pipelines.placing.goals import goal_of
 from engine.pipelines.placing.looking import Looked, look
 from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.ways import direct, possible, regrasped
+from engine.pipelines.placing.task import Coming, Manner
+from engine.pipelines.placing.ways import brought
 from engine.stages.geometry.world.model import World
 from kb.model.scene import Scene
 
+ANY_WAY = Manner(Coming.COMPLETE)
 STILL_M, STILL_RAD = 0.002, np.radians(1)  # what has moved less is where it was
 
 
 def place(
-    scene: Scene, part: str, base: str, seed: int = 0, image: Floats | None = None
+    scene: Scene,
+    part: str,
+    base: str,
+    seed: int = 0,
+    image: Floats | None = None,
+    manner: Manner = ANY_WAY,
 ) -> tuple[PlaceAnswer, Looked | None]:
     """The way of a part to where the relations say, and what was seen. Raises `InvalidInput` for names that are not there."""
     world = World.of(scene.cell)
@@ -35,18 +42,14 @@ def place(
         return unseen(part, sighting), looked
     T_goal = world.pose("world", base) @ goal.poses[part]
     T_start = likeliest(sighting, looked.T_world_camera, T_goal)
-    task = Site.of(scene, world, looked, {part: T_start}).task(part, (T_start, T_goal))
-    at = possible(task, T_start), possible(task, T_goal)
-    near = world.configuration
-    carries = direct(task, at, near)
-    if isinstance(carries, NotPlaced) and carries.step in ("hold", "motion"):
-        carries = regrasped(task, at, near)
+    task = Site.of(scene, world, looked, {part: T_start}, manner).task(part, (T_start, T_goal))
+    at, carries = brought(task, world.configuration)
     if isinstance(carries, NotPlaced):
         return carries, looked
     counts = (len(task.holds.poses), int(at[0].sum()), int(at[1].sum()))
     holds = task.holds
     taken = tuple((holds.poses[n], holds.grasps[holds.grasp_of[n]].width_m) for n in np.nonzero(at[0])[0])
-    fit = insertion_of(task, brought(sighting, carries, T_goal))
+    fit = insertion_of(task, doubted(sighting, carries, T_goal), carries[-1].T_part_hand)
     carries = (*carries[:-1], replace(carries[-1], insertion=fit))
     return Placed(goal, sighting, T_start, T_goal, counts, carries, taken), looked
 

@@ -10,13 +10,11 @@ from engine.model.solid import Solid
 from engine.pipelines.placing.holding import Holds, holds_of
 from engine.pipelines.placing.looking import Looked, table_pose
 from engine.pipelines.placing.obstacles import Unknown
-from engine.pipelines.placing.task import Task
+from engine.pipelines.placing.task import UNKNOWN, USUAL, Manner, Task
 from engine.stages.geometry.shapes.solids import solid_of
 from engine.stages.geometry.world.model import World
 from kb.model.cell import Body, BodyKind, Placement
 from kb.model.scene import Scene
-
-UNKNOWN = "unknown_things"  # the body that stands for all that is only seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,15 +25,18 @@ class Site:
     world: World
     looked: Looked
     found: Mapping[str, Floats]
+    manner: Manner = USUAL
     _holds: dict[str, Holds] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, scene: Scene, world: World, looked: Looked, found: Mapping[str, Floats]) -> "Site":
+    def of(
+        cls, scene: Scene, world: World, looked: Looked, found: Mapping[str, Floats], manner: Manner = USUAL
+    ) -> "Site":
         """The site of a scene: its clutter is not known, and parts are where they were found."""
         known = without(world, scene.clutter)
         for name, T in found.items():
             known = known.put(name, "world", T)
-        return cls(scene, known, looked, found)
+        return cls(scene, known, looked, found, manner)
 
     @cached_property
     def solids(self) -> dict[str, Solid]:
@@ -81,7 +82,16 @@ class Site:
         cell = replace(world.cell, bodies={**world.cell.bodies, UNKNOWN: self.columns})
         crowded = replace(world, cell=cell).put(UNKNOWN, "world", table)
         return Task(
-            self.scene, world, crowded, part, *ends, self.holds(part), self.solids, self.unknown, table
+            self.scene,
+            world,
+            crowded,
+            part,
+            *ends,
+            self.holds(part),
+            self.solids,
+            self.unknown,
+            table,
+            self.manner,
         )
 
 

@@ -1,6 +1,7 @@
 """Ways of a part from one pose to another: with one hold that serves both, or with regrasps on the free place."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import islice, pairwise
 
 import numpy as np
@@ -10,10 +11,10 @@ from engine.model.geometry import Floats, Truths
 from engine.model.grasping import Placement as Lying
 from engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
 from engine.pipelines.placing.answers import Carry, NotPlaced
-from engine.pipelines.placing.carrying import carried
+from engine.pipelines.placing.carrying import carried, through_unknown
 from engine.pipelines.placing.holding import BACK_M, Reach, with_hand
 from engine.pipelines.placing.room import no_room
-from engine.pipelines.placing.task import Task
+from engine.pipelines.placing.task import Coming, Task
 from engine.stages.grasping.placements import placements, volume_and_centre
 from engine.stages.grasping.regrasps import regrasps
 
@@ -26,20 +27,45 @@ Ways = tuple[Carry, ...] | NotPlaced
 
 
 def possible(task: Task, T_world_part: Floats) -> Truths:
-    """Which holds (h,) are possible with the part at a pose: the hand meets nothing, also backed off, and the arm reaches."""
+    """Which holds (h,) are possible with the part at a pose: the hand meets nothing, and the arm reaches.
+
+    A hand that comes straight must be free backed off, too.
+    """
     holds = task.holds
     every = np.ones(len(holds.poses), dtype=bool)
-    return reached(task, T_world_part, holds.clear(task.obstacles(T_world_part), every, BACKS))
+    return reached(task, T_world_part, holds.clear(task.obstacles(T_world_part), every, _backs(task)))
+
+
+def _backs(task: Task) -> tuple[float, ...]:
+    return BACKS if task.manner.coming is Coming.STRAIGHT else BACKS[:1]
+
+
+def brought(task: Task, near: Floats) -> tuple[Ends, Ways]:
+    """The holds that are possible at both ends, and the fewest carries from one end to the other, from a configuration (k,) on.
+
+    Hands that come straight are tried first; where they do not serve, hands that come round what stands there.
+    """
+    coming = task.manner.coming
+    for each in (Coming.STRAIGHT, coming) if coming is Coming.COMPLETE else (coming,):
+        now = replace(task, manner=replace(task.manner, coming=each))
+        at = possible(now, task.T_start), possible(now, task.T_goal)
+        carries = direct(now, at, near)
+        if isinstance(carries, NotPlaced) and carries.step in ("hold", "motion"):
+            carries = regrasped(now, at, near)
+        if not isinstance(carries, NotPlaced) or no_room(task, task.T_goal) is not None:
+            break
+    return at, carries
 
 
 def reached(task: Task, T_world_part: Floats, which: Truths) -> Truths:
     """Which of some holds (h,) the arm reaches without touching anything, with the part at a pose."""
     found = which.copy()
     openings = [tuple(round(x, 6) for x in task.holds.grasps[n].opening) for n in task.holds.grasp_of]
-    world = task.world.put(task.part, "world", T_world_part)
+    world = task.crowded.put(task.part, "world", T_world_part)
     for opening in sorted({each for each, asked in zip(openings, which, strict=True) if asked}):
         mine = np.array([n for n in np.nonzero(which)[0] if openings[n] == opening])
-        reach = Reach(with_hand(world, task.scene, task.holds.jaws, opening), task.scene.hand.arm)
+        handed = with_hand(world, task.scene, task.holds.jaws, opening)
+        reach = Reach(handed, task.scene.hand.arm, through_unknown(task))
         found[mine] = _any_free(reach, T_world_part @ task.holds.poses[mine])
     return found
 
@@ -158,7 +184,7 @@ def shortest(task: Task, ends: Ends, T_world_part: Sequence[Floats], table: Trut
 def serving(task: Task, T_world_part: Sequence[Floats]) -> Truths:
     """With which holds the hand meets nothing where the part lies at which of r poses (h, r)."""
     every = np.ones(len(task.holds.poses), dtype=bool)
-    found = [task.holds.clear(task.obstacles(T), every, BACKS) for T in T_world_part]
+    found = [task.holds.clear(task.obstacles(T), every, _backs(task)) for T in T_world_part]
     return np.array(found, dtype=bool).reshape(len(found), len(every)).T
 
 

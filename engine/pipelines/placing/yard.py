@@ -100,10 +100,12 @@ class Yard:
         culprits = least(list(others), fails)
         return Obstacle(move, found.reason, tuple((name, others[name]) for name in culprits))
 
-    def insertion(self, move: Move, spots: Spots, covariance: Floats) -> Insertion | None:
-        """How the part goes in where it is enclosed at the end of a move, its pose there doubted by (6, 6)."""
+    def insertion(
+        self, move: Move, spots: Spots, covariance: Floats, T_part_hand: Floats
+    ) -> Insertion | None:
+        """How the part goes in where it is enclosed at the end of a move, its pose there doubted by (6, 6), held at T_part_hand."""
         others = {name: spot for name, spot in spots.items() if name != move.part}
-        return insertion_of(self._task(move, others), covariance)
+        return insertion_of(self._task(move, others), covariance, T_part_hand)
 
     def _task(self, move: Move, others: Spots) -> Task:
         ends = self.pose(move.part, move.start), self.pose(move.part, move.end)

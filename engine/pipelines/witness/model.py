@@ -1,6 +1,6 @@
 """A cell as a model of MuJoCo, in its XML: arms with position servos and compensated gravity, furniture on joints, free parts.
 
-A mass that nobody gives follows from the volume. The implicit integrator and elliptic cones of friction hold what is gripped.
+Masses follow from volumes; `servos.weighed` gives a body the one that is known. The implicit integrator and elliptic cones of friction hold what is gripped.
 """
 
 from collections.abc import Iterator
@@ -161,9 +161,6 @@ class _Writer:
 
     def _geoms(self, name: str, body: Body) -> str:
         extra = "" if body.friction is None else f' friction="{body.friction} {TWIST}"'
-        count = max(1, sum(len(cores(each.shape)) for each in body.shapes))
-        if body.mass_kg is not None:
-            extra += f' mass="{body.mass_kg / count}"'
         return self._shapes(name, body.shapes, np.eye(4), extra) or _SPECK
 
     def _shapes(self, name: str, shapes: tuple[PlacedShape, ...], offset: Floats, extra: str) -> str:

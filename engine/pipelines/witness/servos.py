@@ -1,4 +1,4 @@
-"""The servos of the witness: their gains, and where what they drive stands."""
+"""The servos of the witness: what they move weighs, their gains, and where what they drive stands."""
 
 from typing import Any
 
@@ -35,6 +35,17 @@ def tuned(model: mujoco.MjModel, world: World) -> None:
         stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
         model.actuator_gainprm[number, 0] = stiff
         model.actuator_biasprm[number, 1:3] = -stiff, -damped
+
+
+def weighed(model: mujoco.MjModel, world: World) -> None:
+    """Give bodies the masses that are known. Each is spread over the volume of its shapes, so that it lies where it belongs."""
+    for name, body in world.cell.bodies.items():
+        if body.mass_kg is not None and body.shapes:
+            number = model.body(name).id
+            heavier = body.mass_kg / model.body_mass[number]
+            model.body_mass[number] *= heavier
+            model.body_inertia[number] *= heavier
+    mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def value_of(world: World, body: str) -> float:

@@ -9,7 +9,7 @@ from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep
 from engine.pipelines.moves.walking import operation_of
 from engine.pipelines.witness.model import GRIP_N, STEP_S, dragged_by_hand, quaternion, written
-from engine.pipelines.witness.servos import slipped, tolerance, tuned, value_of
+from engine.pipelines.witness.servos import slipped, tolerance, tuned, value_of, weighed
 from engine.pipelines.witness.tools import Latches
 from engine.pipelines.witness.touches import Stopped, Touches, allowed_in
 from engine.pipelines.witness.tree import exchanged, hand_of, held_by, in_hand, in_hands, is_free
@@ -30,6 +30,7 @@ class Stage:
     def __init__(self, world: World) -> None:
         self.world, self.model = world, mujoco.MjModel.from_xml_string(written(world))
         self.data = mujoco.MjData(self.model)
+        weighed(self.model, world)
         tuned(self.model, world)
         self.by_hand = dragged_by_hand(world.cell)
         self.tools, self.latches = sorted(exchanged(world.cell)), Latches(self.model, self.data)

@@ -14,7 +14,9 @@ from engine.pipelines.workshop.shop import Workshop
 from engine.stages.grasping.insertion import Insertion, Search
 
 GUARD_N = 15.0  # a push that stops the hand on its way to a part
-NARROW_M = 0.003  # jaws that close farther than this below the part's width hold something else, or nothing
+NARROW_M = (
+    0.003  # fingers that close farther than this below the part's width hold something else, or nothing
+)
 WIDER = 2.0  # times what was doubted: a second search
 SHORT_M = 0.004  # a hand that stays so far before its goal has met something there
 
@@ -31,8 +33,14 @@ class Went(StrEnum):
 
 def carry_out(shop: Workshop, part: str, carry: Carry) -> Went:
     """Take a part and let it go as planned. After a failure the arm is where it can go on from: backed off, and empty."""
+    taken = take_up(shop, part, carry)
+    return taken if taken is not Went.DONE else put_down(shop, part, carry)
+
+
+def take_up(shop: Workshop, part: str, carry: Carry) -> Went:
+    """Take a part, and carry it to above where it is to go."""
     legs = {leg.what: leg for leg in carry.legs}
-    shop.open_for(carry.grasp.width_m)
+    shop.open_for(carry.grasp.opening)
     shop.permit()
     shop.follow(_own(shop, legs["to the part"]))
     way_in = _own(shop, legs["approach"])
@@ -41,12 +49,16 @@ def carry_out(shop: Workshop, part: str, carry: Carry) -> Went:
         _back(shop, way_in)
         return Went.TOUCHED
     if shop.close() < carry.grasp.width_m - NARROW_M or not shop.holds(part):
-        shop.open_for(carry.grasp.width_m)
+        shop.open_for(carry.grasp.opening)
         _back(shop, way_in)
         return Went.NOT_GRIPPED
     shop.load = part
-    if not all(_full(shop, part, legs[name]) for name in ("lift", "carry")):
-        return Went.LOST
+    return Went.DONE if all(_full(shop, part, legs[name]) for name in ("lift", "carry")) else Went.LOST
+
+
+def put_down(shop: Workshop, part: str, carry: Carry) -> Went:
+    """Let a part go that is held above where it is to go; it is inserted where it is enclosed there."""
+    legs = {leg.what: leg for leg in carry.legs}
     if carry.insertion is not None:
         return _put_in(shop, part, carry, legs)
     if not _full(shop, part, legs["lower"]):
@@ -81,7 +93,7 @@ def searched_on(shop: Workshop, part: str, carry: Carry) -> Went:
 
 def _left(shop: Workshop, lower: Leg) -> Went:
     """The part is left where it is, and the hand backs off."""
-    shop.open_for(shop.jaws.opening_m)
+    shop.open_wide()
     _back(shop, _own(shop, lower))
     return Went.LOST
 
@@ -101,18 +113,18 @@ def _full(shop: Workshop, part: str, leg: Leg) -> bool:
     shop.permit(*(shop.scene.cell.bodies if leg.what != "carry" else ()))
     if shop.follow(_own(shop, leg), lambda: not shop.holds(part), carries=True):
         return True
-    shop.open_for(shop.jaws.opening_m)
+    shop.open_wide()
     if leg.what == "lower":
         _back(shop, _own(shop, leg))
     return False
 
 
 def _let_go(shop: Workshop, part: str, carry: Carry, away: Leg) -> Went:
-    """Open the jaws where the carry ends, and withdraw."""
+    """Open the hand where the carry ends, and withdraw."""
     world = shop.stage.actual(shop.stage.world)
     reached = world.pose("world", f"{shop.arm}.tool")[:3, 3]
     wanted = (carry.T_world_to @ carry.T_part_hand)[:3, 3]
-    shop.open_for(carry.grasp.width_m)
+    shop.open_for(carry.grasp.opening)
     shop.permit(part)
     shop.follow(_own(shop, away))
     return Went.BLOCKED if float(np.linalg.norm(reached - wanted)) > SHORT_M else Went.DONE

@@ -30,7 +30,7 @@ from kb.terms import Function
 
 NO_WAY = "no_way"  # no reply of the fault base: the order of the steps is made anew
 UNSURE = "unsure"  # the reply where a part may come to lie too far from its goal
-CLOSED_M = 0.003  # jaws that are nearer to each other hold nothing
+CLOSED_M = 0.003  # fingers that are nearer to each other hold nothing
 
 
 @dataclass
@@ -70,7 +70,7 @@ class PlacingCell:
             doubted = self._doubted(move, carries)
             if within_m(doubted) > self.yard.site.scene.tolerance_m:
                 return UNSURE
-            fit = self.yard.insertion(move, self.spots, doubted)
+            fit = self.yard.insertion(move, self.spots, doubted, carries[-1].T_part_hand)
             carries = (*carries[:-1], replace(carries[-1], insertion=fit))
         for carry in carries:
             went = carry_out(self.shop, move.part, carry)
@@ -152,7 +152,7 @@ class PlacingCell:
 
     def _close(self) -> str:
         width = self.shop.close()
-        self.shop.open_for(self.shop.jaws.opening_m)
+        self.shop.open_wide()
         return "closed" if width < CLOSED_M else "wrong"
 
     def _has_moved(self, looked: Looked) -> bool:

@@ -9,18 +9,22 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from engine.kernels.rigid import rotation_vector
+from engine.kernels.rigid import rotation, rotation_vector
 from engine.model.geometry import Floats
 from engine.pipelines.placing.answers import Carry
 from engine.pipelines.placing.holding import HAND
 from engine.pipelines.witness.touches import body_of
-from engine.pipelines.workshop.shop import LEFT, RIGHT, Workshop
-from engine.stages.grasping.insertion import Insertion, Phase, Search, advance, begun
+from engine.pipelines.workshop.shop import Workshop
+from engine.stages.grasping.insertion import Insertion, Phase, advance, begun
 
 ABOVE_M = 0.006  # over the rim, where the search begins
 LOOK_S = 0.01  # between two looks at the force
 YIELD = 0.0015  # m/s of height for each newton that is lacking
 FASTEST = 0.02  # m/s
+BESIDE_N, LAGS_M = (
+    4.0,
+    0.003,
+)  # a push from the side that is more than friction, and how far the servos' aim may be ahead
 PULLS = 2.0  # 1/s: friction holds a part that is led across a surface back, until the servos have caught up
 ALONG_M_S = 0.0025  # on the spiral: the servos of an arm lag
 PRESS_N = 6.0  # a part that is pressed harder leans between the pads
@@ -37,13 +41,16 @@ def inserted(shop: Workshop, part: str, carry: Carry) -> bool:
     plan = carry.insertion
     plan = replace(plan, along_m_s=ALONG_M_S, press_n=PRESS_N, room_m=CLOSER * plan.room_m)
     servo = _Servo(shop, carry, plan)
-    now, force, deepest, since = begun(servo.at(), plan), 0.0, np.inf, shop.seconds
+    now, push, deepest, since = begun(servo.at(), plan), np.zeros(3), np.inf, shop.seconds
     until = shop.seconds + MOST_S
     while shop.seconds < until and now.phase not in (Phase.DONE, Phase.FAILED):
-        now = advance(plan, now, servo.at(), force, LOOK_S)
-        servo.go(now.target, plan.press_n - force if now.phase in PRESSING else None)
+        now = advance(plan, now, servo.at(), float(push[2]), LOOK_S)
+        if now.phase in PRESSING:
+            servo.press(now.target, plan.press_n, push, now.lean_rad)
+        else:
+            servo.go(now.target, now.lean_rad)
         shop.wait(LOOK_S)
-        force = _push_n(shop, part)
+        push = _push_n(shop, part)
         at = servo.at()
         if now.phase is not Phase.INSERT or at[2] < deepest - STILL_M:
             deepest, since = float(at[2]), shop.seconds
@@ -61,32 +68,35 @@ def raise_up(shop: Workshop, carry: Carry) -> None:
     height = float(servo.at()[2])
     while height < ABOVE_M:
         height += carry.insertion.down_m_s * LOOK_S
-        servo.go(np.array([0.0, 0.0, height]), None)
+        servo.go(np.array([0.0, 0.0, height]))
         shop.wait(LOOK_S)
 
 
 def _to_the_end(shop: Workshop, part: str, servo: "_Servo", plan: Insertion) -> None:
     """On to the depth that was meant, unless the bottom comes before."""
     x, y, height = servo.at()
-    while height > -plan.depth_m and _push_n(shop, part) < plan.press_n:
+    while height > -plan.depth_m and _push_n(shop, part)[2] < plan.press_n:
         height -= plan.down_m_s * LOOK_S
-        servo.go(np.array([x, y, height]), None)
+        servo.go(np.array([x, y, height]))
         shop.wait(LOOK_S)
 
 
 class _Servo:
-    """The arm as the controller sees it: places are those of the part beside its goal, heights count from the rim."""
+    """The arm as the controller sees it: places are those of the part beside its goal, heights count from the rim.
+
+    Its x axis is that in which the fingers close, as far as this is horizontal: they hold a part firmly that is tilted that way.
+    """
 
     def __init__(self, shop: Workshop, carry: Carry, plan: Insertion) -> None:
         self.shop, joints = shop, shop.scene.cell.arms[shop.arm].arm.joints
         model = shop.stage.model
         self.own = [int(model.joint(f"{shop.arm}/{each.name}").dofadr[0]) for each in joints]
-        self.straight = plan.search is Search.NONE
         T_hand_tool = np.linalg.inv(shop.stage.pose(HAND)) @ self._tool()
         self.T_goal = (
             carry.T_world_to @ carry.T_part_hand @ np.linalg.inv(T_hand_tool)
         )  # of the body of the hand
         self.rim = self.T_goal[:3, 3] + [0.0, 0.0, plan.depth_m]
+        self.axes = rotation((0.0, 0.0, 1.0), float(np.arctan2(self.T_goal[1, 0], self.T_goal[0, 0])))
         self.height, self.lags = self.at()[2], np.zeros(2)
 
     def _tool(self) -> Floats:
@@ -95,20 +105,32 @@ class _Servo:
 
     def at(self) -> Floats:
         """Where the hand is (3,), from above the hole at the height of the rim."""
-        found: Floats = self.shop.stage.pose(HAND)[:3, 3] - self.rim
+        found: Floats = self.axes.T @ (self.shop.stage.pose(HAND)[:3, 3] - self.rim)
         return found
 
-    def go(self, target: Floats, lacking_n: float | None) -> None:
-        """Aim at a place (3,); where force is lacking, the height follows from that."""
-        if lacking_n is None:
-            self.height = target[2]
+    def press(self, target: Floats, press_n: float, push: Floats, lean_rad: float) -> None:
+        """Aim at a place (3,) as far as this needs little force (3,) to the sides; the height follows from the force that is lacking."""
+        self.height -= float(np.clip(YIELD * (press_n - push[2]), -FASTEST, FASTEST)) * LOOK_S
+        beside = (self.axes.T @ push)[:2]
+        strength = float(np.linalg.norm(beside))
+        if strength > BESIDE_N:  # a wall holds it there
+            self.lags += YIELD * LOOK_S * (1 - BESIDE_N / strength) * beside
         else:
-            self.height -= float(np.clip(YIELD * lacking_n, -FASTEST, FASTEST)) * LOOK_S
             self.lags += PULLS * LOOK_S * (target[:2] - self.at()[:2])
-        wanted = np.array([target[0] + self.lags[0], target[1] + self.lags[1], self.height]) + self.rim
+        self.lags = np.clip(self.lags, -LAGS_M, LAGS_M)
+        self._aim(np.array([*(target[:2] + self.lags), self.height]), lean_rad)
+
+    def go(self, target: Floats, lean_rad: float = 0.0) -> None:
+        """Aim at a place (3,), leaning about y."""
+        self.height = target[2]
+        self._aim(np.array([*(target[:2] + self.lags), self.height]), lean_rad)
+
+    def _aim(self, beside: Floats, lean_rad: float) -> None:
+        wanted = self.axes @ beside + self.rim
+        leant = self.axes @ rotation((0.0, 1.0, 0.0), lean_rad) @ self.axes.T @ self.T_goal[:3, :3]
         q, shop = self.shop.q, self.shop
         T = self._aimed()
-        off = np.concatenate([wanted - T[:3, 3], rotation_vector(self.T_goal[:3, :3] @ T[:3, :3].T)])
+        off = np.concatenate([wanted - T[:3, 3], rotation_vector(leant @ T[:3, :3].T)])
         J = self._jacobian()
         step = J.T @ np.linalg.solve(J @ J.T + DAMPED**2 * np.eye(6), off)
         shop.aim(q + np.clip(step, -0.02, 0.02))
@@ -127,15 +149,15 @@ class _Servo:
         return np.concatenate([moves[:, self.own], turns[:, self.own]])
 
 
-def _push_n(shop: Workshop, part: str) -> float:
-    """How hard a part and the hand are pushed up by everything else (N)."""
-    own, pushed = {part, HAND, LEFT, RIGHT}, 0.0
+def _push_n(shop: Workshop, part: str) -> Floats:
+    """How hard a part and the hand are pushed by everything else (3,), in the world (N)."""
+    own, pushed = {part, *shop.own}, np.zeros(3)
     stage, force = shop.stage, np.zeros(6)
     for number in range(stage.data.ncon):
         contact = stage.data.contact[number]
         first, second = (body_of(stage.model, geom) in own for geom in contact.geom)
         if first != second:
             mujoco.mj_contactForce(stage.model, stage.data, number, force)
-            up = float(contact.frame.reshape(3, 3)[:, 2] @ force[:3])  # on the second body
-            pushed += up if second else -up
+            onto = contact.frame.reshape(3, 3).T @ force[:3]  # on the second body
+            pushed += onto if second else -onto
     return pushed

@@ -59,17 +59,30 @@ class Executed:
     seconds: float
 
 
-def brought(
-    scene: Scene, part: str, found: Placed, shop: Workshop | None = None
-) -> tuple[Went, tuple[float, float]]:
-    """How the carries of a part end in physics, and how far (m, rad) it then is from its goal."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Carried:
+    """How the carries of one part ended, how far (m, rad) it then is from its goal, what touched unplanned, and after how long."""
+
+    went: Went
+    off: tuple[float, float]
+    touched: tuple[Touched, ...]
+    seconds: float
+
+    @property
+    def status(self) -> str:
+        """`reached`, or `stopped` where something was not as planned."""
+        return "reached" if self.went is Went.DONE else "stopped"
+
+
+def carried(scene: Scene, part: str, found: Placed, shop: Workshop | None = None) -> Carried:
+    """Carry out the carries of a part in physics, until something is not as planned."""
     shop = shop or Workshop(scene)
     for carry in found.carries:
         went = carry_out(shop, part, carry)
         if went is not Went.DONE:
             break
     shop.wait(SETTLE_S)
-    return went, _off(shop.pose(part), found.T_world_goal)
+    return Carried(went, _off(shop.pose(part), found.T_world_goal), shop.stage.touches.found, shop.seconds)
 
 
 @dataclass

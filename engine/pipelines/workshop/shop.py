@@ -1,9 +1,9 @@
-"""A scene in MuJoCo: the arm with jaws that really close, parts that friction alone holds, and a camera that sees them.
+"""A scene in MuJoCo: the arm with a hand that really closes, parts that friction alone holds, and a camera that sees them.
 
 The controller knows the weight of what it believes to hold. Between what it knows and what is there, nothing is shared.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import mujoco
@@ -11,24 +11,21 @@ import numpy as np
 
 from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats
-from engine.model.grasping import ParallelJaws
 from engine.model.moves import Leg, LegKind
 from engine.pipelines.moves.hands import corners_s
-from engine.pipelines.placing.holding import HAND, jaws_of
+from engine.pipelines.placing.holding import HAND
 from engine.pipelines.witness.model import quaternion
 from engine.pipelines.witness.stage import Stage
 from engine.pipelines.witness.touches import body_of
+from engine.pipelines.workshop.hands import CLOSE_S, Hand, hand_of
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.solids import solid_of
 from engine.stages.geometry.world.model import World
 from engine.stages.grasping.placements import volume_and_centre
-from kb.model.cell import Body, BodyKind, Cell, Guide, JointKind, Placement
+from kb.model.cell import Body, BodyKind, Cell, Placement
 from kb.model.scene import Scene
-from kb.model.shapes import Box, PlacedShape, Pose
 
-LEFT, RIGHT = f"{HAND}_left", f"{HAND}_right"
-FINGER_KG, PALM_KG = 0.1, 0.5
-SETTLE_S, CLOSE_S = 0.3, 0.7  # until the servos have caught up, and until the jaws have opened or closed
+SETTLE_S = 0.3  # until the servos have caught up
 EMPTY_FACTOR, CARRY_FACTOR = 0.6, 0.3  # shares of the full speed and acceleration
 GRAVITY = 9.81  # m/s2
 FLOOR_M = -0.5  # what is lower has fallen from the table
@@ -38,14 +35,16 @@ class Workshop:
     """The scene while time goes on. `q` (k,) is where the arm is told to be."""
 
     def __init__(self, scene: Scene, poses: Mapping[str, Floats] | None = None) -> None:
-        self.scene, self.arm, self.jaws = scene, scene.hand.arm, jaws_of(scene)
-        world = World.of(_with_jaws(scene, self.jaws))
+        self.scene, self.arm, self.hand = scene, scene.hand.arm, hand_of(scene)
+        cell = _with_hand(scene, self.hand)
+        self.own = frozenset(cell.bodies) - frozenset(scene.cell.bodies)
+        world = World.of(cell)
         for name, T in (poses or {}).items():
             world = world.put(name, "world", T)
         self.stage = Stage(world)
         self.q = world.configurations[self.arm]
         self.load = ""
-        self._press(self.jaws.force_n)
+        self.hand.prepare(self.stage)
         self.wait(SETTLE_S)
 
     @property
@@ -92,15 +91,21 @@ class Workshop:
         for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q, strict=True):
             self.stage.aim(f"{self.arm}/{joint.name}", float(value))
 
-    def open_for(self, width_m: float) -> None:
-        """The jaws open for a width, with the clearance beside it on either side; whatever they held is let go."""
+    def open_for(self, opening: Sequence[float]) -> None:
+        """The hand opens for a grasp, with the clearance beside it; whatever it held is let go."""
         self.load = ""
-        self._jaws_to(self.jaws.opening_m / 2 - width_m / 2)
+        self.hand.open_for(self.stage, opening)
+        self.wait(CLOSE_S)
+
+    def open_wide(self) -> None:
+        """The hand opens as far as it can."""
+        self.open_for(self.hand.wide)
 
     def close(self) -> float:
-        """The jaws close until they meet something, or each other; how far apart they are then (m)."""
-        self._jaws_to(self.jaws.opening_m / 2 + self.jaws.clearance_m)
-        return self.width_m
+        """The fingers close until they meet something, or each other; how far apart they are then (m)."""
+        for seconds in self.hand.closing(self.stage):
+            self.wait(seconds)
+        return self.hand.width_m(self.stage)
 
     def clamp(self, part: str, on: bool) -> None:
         """Whether a part is clamped to the hand as it is now, as a target is for a calibration."""
@@ -112,21 +117,6 @@ class Workshop:
         model.eq_solref[number], model.eq_solimp[number, :2] = (0.008, 1.0), (0.99, 0.999)
         data.eq_active[number] = int(on)
         model.body_gravcomp[model.body(part).id] = float(on)  # the controller is told the load
-
-    def _jaws_to(self, way_m: float) -> None:
-        for name in (LEFT, RIGHT):
-            self.stage.aim(name, max(way_m, 0.0))
-        self.wait(CLOSE_S)
-
-    @property
-    def width_m(self) -> float:
-        """How far the jaws are apart, as their sensor reads it."""
-        return self.jaws.opening_m + 2 * self.jaws.clearance_m - 2 * self.stage.value(LEFT)
-
-    def _press(self, force_n: float) -> None:
-        for name in (LEFT, RIGHT):
-            number = self.stage.model.actuator(name).id
-            self.stage.model.actuator_forcerange[number] = -force_n, force_n
 
     def wait(self, seconds: float) -> None:
         """Time goes on, and everything aims where it aimed."""
@@ -161,12 +151,12 @@ class Workshop:
         return sum(force for names, force in self._touches() if self._is_hand(names))
 
     def _is_hand(self, names: frozenset[str]) -> bool:
-        return bool(names & {HAND, LEFT, RIGHT}) and not names <= {HAND, LEFT, RIGHT}
+        return bool(names & self.own) and not names <= self.own
 
     def holds(self, part: str) -> bool:
-        """Whether both jaws press on a part."""
+        """Whether all fingers press on a part."""
         pressing = {name for names, _ in self._touches() if part in names for name in names - {part}}
-        return {LEFT, RIGHT} <= pressing
+        return pressing.issuperset(self.hand.fingers)
 
     def _touches(self) -> Iterator[tuple[frozenset[str], float]]:
         """The bodies that touch each other, and the force of each contact (N)."""
@@ -177,28 +167,15 @@ class Workshop:
             yield frozenset(body_of(stage.model, geom) for geom in contact.geom), abs(float(force[0]))
 
 
-def _with_jaws(scene: Scene, jaws: ParallelJaws) -> Cell:
-    """The scene's cell with the gripper as three bodies, two of which slide; parts have the scene's density and friction."""
+def _with_hand(scene: Scene, hand: Hand) -> Cell:
+    """The scene's cell with the hand as bodies, some of which move; parts have the scene's density and friction."""
     cell, arm = scene.cell, scene.hand.arm
     mounted = cell.arms[arm]
     bodies = {name: _heavy(scene, body) for name, body in cell.bodies.items()}
-    middles, halves = jaws.blocks((jaws.opening_m,))
-    blocks = [
-        PlacedShape(Box(tuple(2 * half)), Pose(tuple(middle)))
-        for middle, half in zip(middles, halves, strict=True)
-    ]
-    at = Placement(f"{arm}.flange", mounted.tool)
-    bodies[HAND] = Body(HAND, BodyKind.TOOL, at, tuple(blocks[2:]), mass_kg=PALM_KG)
-    most = jaws.opening_m / 2 + jaws.clearance_m
-    for name, block, along in ((LEFT, blocks[0], 1.0), (RIGHT, blocks[1], -1.0)):
-        guide = Guide(JointKind.PRISMATIC, (along, 0.0, 0.0), 0.0, most, "" if name == LEFT else LEFT)
-        bodies[name] = Body(
-            name, BodyKind.TOOL, at, (block,), guide=guide, mass_kg=FINGER_KG, friction=jaws.friction
-        )
-    hands = (HAND, LEFT, RIGHT)
-    near = {frozenset((each, f"{arm}.{link.name}")) for each in hands for link in mounted.arm.links[-2:]}
-    own = {frozenset((one, other)) for one in hands for other in hands if one != other}
-    return replace(cell, bodies=bodies, allowed=cell.allowed | near | own)
+    own = {each.name: each for each in hand.bodies(Placement(f"{arm}.flange", mounted.tool))}
+    near = {frozenset((each, f"{arm}.{link.name}")) for each in own for link in mounted.arm.links[-2:]}
+    each_other = {frozenset((one, other)) for one in own for other in own if one != other}
+    return replace(cell, bodies=bodies | own, allowed=cell.allowed | near | each_other)
 
 
 def _heavy(scene: Scene, body: Body) -> Body:

@@ -1,4 +1,4 @@
-"""The arm of a workshop shows the target to the camera: jaws really hold it, and it moves on ways that touch nothing."""
+"""The arm of a workshop shows the target to the camera: the hand really holds it, and it moves on ways that touch nothing."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ PAUSE_S = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Showing:
-    """What the arm of a shop does with the target of a scene. Somebody clamps it between the jaws, and takes it away in the end.
+    """What the arm of a shop does with the target of a scene. Somebody clamps it in the hand, and takes it away in the end.
 
     Friction alone would let it creep while it is shown, by some millimetres in a minute."""
 
@@ -44,15 +44,15 @@ class Showing:
         self._go(reach, home)
         if fastened:
             shop.clamp(target, False)
-            shop.open_for(shop.jaws.opening_m)
+            shop.open_wide()
             shop.stage.put(target, World.of(shop.stage.world.cell).put(target, "world", lay))
         shop.permit()
         shop.wait(PAUSE_S)
 
     def _take_up(self, scene: Scene) -> None:
-        """The target comes between the jaws, and is clamped there."""
+        """The target comes between the fingers, and is clamped there."""
         shop, holds = self.shop, target_holds(scene, scene.target)
-        shop.open_for(holds.grasps[holds.grasp_of[HOLD]].width_m)
+        shop.open_for(holds.grasps[holds.grasp_of[HOLD]].opening)
         shop.stage.put(scene.target, held_target(scene, scene.target, shop.stage.actual(shop.stage.world)))
         shop.close()
         shop.clamp(scene.target, True)

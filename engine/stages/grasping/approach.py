@@ -12,7 +12,8 @@ import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
 
 from engine.model.geometry import Floats, Longs, Truths
-from engine.model.grasping import Approach, ApproachAnswer, NoApproach, ParallelJaws
+from engine.model.grasping import Approach, ApproachAnswer, NoApproach
+from engine.ports import Gripper
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,13 +21,13 @@ class GraspPlane:
     """What stands around a grasp: obstacle points (n, 3) in the frame of the hand at the grasp, and how it is opened."""
 
     points: Floats
-    jaws: ParallelJaws
-    width_m: float
+    hand: Gripper
+    opening: tuple[float, ...]
 
     def layers(self) -> list[tuple[Floats, Floats, Floats]]:
         """For each block of the hand: its middle (2,) and half extents (2,) in the plane, and its obstacles (m, 2)."""
         found = []
-        for middle, half in zip(*self.jaws.blocks((self.width_m,)), strict=True):
+        for middle, half in zip(*self.hand.blocks(self.opening), strict=True):
             inside = np.abs(self.points[:, 0] - middle[0]) < half[0]
             found.append((middle[1:], half[1:], self.points[inside, 1:]))
         return found

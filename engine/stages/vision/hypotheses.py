@@ -77,6 +77,14 @@ class Model:
         return [_lines_of(edges) for edges in self.edges]
 
     @cached_property
+    def ends(self) -> Floats:
+        """The edges of all facets (e, 2, 3), each as two ends, every one once."""
+        every = np.concatenate([facet.edges for facet in self.solid.facets])
+        key = np.round(np.sort(every.reshape(len(every), 2, 3), axis=1), 9).reshape(len(every), 6)
+        found: Floats = every[np.sort(np.unique(key, axis=0, return_index=True)[1])]
+        return found
+
+    @cached_property
     def samples(self) -> tuple[Floats, Floats]:
         """Points (s, 3) spread over the surface, and their normals."""
         random = np.random.default_rng(0)

@@ -22,6 +22,7 @@ HOPELESS = 0.01  # of what speaks for the best pose: so little is not refined an
 NEAR_M, NEAR_RAD = 0.006, np.radians(8)  # hypotheses this near to each other become one
 BELOW_M = 0.004
 UNSOUND = 0.005  # of the share that agrees, and a tenth of the share of the outline
+UNSOUND_PX = 0.5  # that a piece of the outline is farther off
 ABOVE_M = 0.006  # how far above what carries it a part may seem to be
 RING_PX = 12
 CARRIED = 0.15  # the share of a part's surroundings that must be as high as the part's lower side, if it is above the floor
@@ -29,11 +30,15 @@ CARRIED = 0.15  # the share of a part's surroundings that must be as high as the
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead."""
+    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead.
+
+    `off_px` is how far a piece of an edge may be off on average; less than a pixel, because between two pixels nothing is seen.
+    """
 
     agreeing: float = 0.99
     seen: float = 0.4
     edged: float = 0.88
+    off_px: float = 0.6
     pixels: int = 250
     ahead: float = 40.0
 
@@ -85,19 +90,16 @@ def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Dema
     """The best hypothesis, if it shows what is demanded, and if no other pose that is as sound has as much evidence."""
     if not final:
         return NotLocated("the part would lie below the floor, or rest on nothing, wherever it could be")
-    first = max(final, key=lambda pair: worth(pair[0]))[0]
-    ranked = sorted(final, key=lambda pair: (not _as_sound(pair[0], first), -pair[0].evidence))
-    best, covariance = ranked[0]
-    second = next(
-        (each for each, _ in ranked[1:] if not same(model, best.T_camera_part, each.T_camera_part)), None
-    )
+    sure = [pair for pair in final if not _doubt(pair[0], demands)] or final
+    first = max(sure, key=lambda pair: worth(pair[0]))[0]
+    sure = [pair for pair in sure if _as_sound(pair[0], first)]
+    best, covariance = max(sure, key=lambda pair: pair[0].evidence)
+    others = [each for each, _ in final if not same(model, best.T_camera_part, each.T_camera_part)]
+    rivals = [each for each in others if _as_sound(each, first)]
+    second = max(rivals or others, key=lambda each: each.evidence, default=None)
     reason = _doubt(best, demands)
-    if not reason and second is not None and _as_sound(second, first):
-        reason = (
-            "two poses explain the image equally well"
-            if best.evidence - second.evidence < demands.ahead
-            else ""
-        )
+    if not reason and rivals and second is not None and best.evidence - second.evidence < demands.ahead:
+        reason = "two poses explain the image equally well"
     if reason:
         return NotLocated(reason, best, second)
     poses = tuple(best.T_camera_part @ S for S in model.symmetries)
@@ -106,7 +108,11 @@ def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Dema
 
 def _as_sound(one: Hypothesis, other: Hypothesis) -> bool:
     """Whether a hypothesis is contradicted hardly more than another one."""
-    return one.agreeing > other.agreeing - UNSOUND and one.edged > other.edged - 10 * UNSOUND
+    return (
+        one.agreeing > other.agreeing - UNSOUND
+        and one.edged > other.edged - 10 * UNSOUND
+        and one.off_px < other.off_px + UNSOUND_PX
+    )
 
 
 def _doubt(best: Hypothesis, demands: Demands) -> str:
@@ -117,6 +123,8 @@ def _doubt(best: Hypothesis, demands: Demands) -> str:
         return f"the image shows through the part: only {best.agreeing:.0%} of it agrees"
     if best.edged < demands.edged:
         return f"the outline does not end where the part would: only {best.edged:.0%} of it does"
+    if best.off_px > demands.off_px:
+        return f"the surface ends elsewhere than the part would: a piece of an edge is {best.off_px:.1f} pixels off"
     return ""
 
 

@@ -16,10 +16,12 @@ from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.kernels.rays import Range, draw
 from engine.stages.vision.kernels.rims import border, ends
 from engine.stages.vision.outlines import shrunk
+from engine.stages.vision.residuals import outline_off_px
 
 ROUNDS = 6
 AGREES = 3.5  # of the noise
 BEFORE = 10.0  # of the noise: what is in front of the part by more hides it; by less, it contradicts it
+LATERAL_PX = 0.05  # the standard deviation of where beams meet a refined pose: on a steep surface, it is one of the depth, too
 EDGE_PX = 0.5  # the standard deviation of a place where the surface ends
 REACH_PX = 5
 POINTS = 1500  # of the surface that are compared in a round, at most
@@ -92,15 +94,16 @@ def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
         return None
     rim = outline(model, view, seen)
     known = ~np.isnan(seen.apart)
-    apart = seen.apart[known]
-    agree = int((np.abs(apart) <= AGREES * image.noise_m).sum())
-    within = seen.apart[known & shrunk(seen.owner >= 0)]
-    beyond = np.abs(within) > AGREES * image.noise_m
-    through = int((beyond & (within > -BEFORE * image.noise_m)).sum())
+    deviations = _deviations(model, image, seen)
+    off = seen.apart / deviations
+    apart, vague = off[known], 2 * np.log(deviations[known] / image.noise_m)
+    agree = int((np.abs(apart) <= AGREES).sum())
+    shown = shrunk(seen.owner >= 0) & (seen.apart > -BEFORE * image.noise_m)
+    through = int((np.abs(off[known & shown]) > AGREES).sum())
     told = rim.continues | ~np.isnan(rim.shift_px)
     shift = np.abs(np.nan_to_num(rim.shift_px, nan=99.0))
     good = told & (shift <= 2.5)
-    explained = np.maximum(AGREES**2 - (apart / image.noise_m) ** 2, 0.0).sum()
+    explained = np.maximum(AGREES**2 - apart**2 - vague, 0.0).sum()
     ended = np.maximum(AGREES**2 - (shift / EDGE_PX) ** 2, 0.0).sum()
     return Hypothesis(
         T,
@@ -109,7 +112,15 @@ def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
         float(good.sum() / max(told.sum(), 1)),
         agree,
         float(explained + ended) - AGREES**2 * through,
+        outline_off_px(model, image.camera, T, rim.at, rim.outward, rim.shift_px),
     )
+
+
+def _deviations(model: Model, image: DepthImage, seen: Look) -> Floats:
+    """The standard deviation of each pixel's depth (h, w) in a window: noise, and on steep surfaces where exactly its beam meets."""
+    steep = np.hypot(*_planes(model, image, seen.T)[:, :2].T)[seen.owner]
+    found: Floats = np.hypot(image.noise_m, LATERAL_PX * steep * seen.depth**2)
+    return found
 
 
 def outline(model: Model, view: View, seen: Look) -> Rim:

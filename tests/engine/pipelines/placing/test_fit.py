@@ -18,7 +18,7 @@ from kb.model.scene import Scene
 from kb.targets import BUNDLED
 
 PEG = load_scene(BUNDLED / "handey" / "scenes" / "peg.yaml")
-NOTHING = np.zeros((6, 6))
+NOTHING, UPRIGHT = np.zeros((6, 6)), np.eye(4)
 
 
 def task(scene: Scene, x_m: float = 0.0, z_m: float = 0.0) -> Task:
@@ -32,14 +32,14 @@ def task(scene: Scene, x_m: float = 0.0, z_m: float = 0.0) -> Task:
 
 @pytest.mark.parametrize("x_m", [0.0, 0.00004, -0.00004])
 def test_the_room_and_the_depth_are_those_of_the_hole(x_m: float) -> None:
-    found = insertion_of(task(PEG, x_m), NOTHING)
+    found = insertion_of(task(PEG, x_m), NOTHING, UPRIGHT)
     assert found is not None
     assert found.room_m == pytest.approx(0.0001, abs=0.00003)
     assert found.depth_m == pytest.approx(0.03, abs=0.003)
 
 
 def test_a_part_that_stands_free_is_not_inserted() -> None:
-    assert insertion_of(task(PEG, z_m=0.1), NOTHING) is None
+    assert insertion_of(task(PEG, z_m=0.1), NOTHING, UPRIGHT) is None
 
 
 @pytest.mark.parametrize(("accuracy_m", "search"), [(0.0, Search.NONE), (0.0003, Search.SPIRAL)])

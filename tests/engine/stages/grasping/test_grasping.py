@@ -187,7 +187,7 @@ def test_compiled_loops_say_what_the_plain_computation_says(seed: int) -> None:
 
 def plane(*points: tuple[float, float, float]) -> GraspPlane:
     """A grasp of 40 mm among some points."""
-    return GraspPlane(np.array(points).reshape(-1, 3), JAWS, 0.04)
+    return GraspPlane(np.array(points).reshape(-1, 3), JAWS, (0.04,))
 
 
 def test_a_hand_comes_straight_down_where_nothing_stands() -> None:

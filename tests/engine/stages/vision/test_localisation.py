@@ -148,3 +148,13 @@ def test_what_shows_through_a_part_counts_against_it_more_than_what_is_not_seen(
     assert through is not None
     assert unseen is not None
     assert through.evidence < unseen.evidence - 40 * AGREES**2 * 0.9
+
+
+@pytest.mark.parametrize("longer_m", [0.0025, -0.0025])
+def test_a_part_of_nearly_the_same_size_is_not_taken_for_the_one_that_is_looked_for(longer_m: float) -> None:
+    """Place by place its outline agrees, but whole edges of it are off one way."""
+    part, other = block(0.1, 0.06, 0.05), block(0.1 + longer_m, 0.06, 0.05)
+    there, instead = (locate(Model(part), *seen((each, lying(0.05, -0.04, 1.0)))) for each in (part, other))
+    assert isinstance(there, Located)
+    assert there.best.off_px < 0.5
+    assert isinstance(instead, NotLocated)

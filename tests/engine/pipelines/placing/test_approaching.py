@@ -1,0 +1,121 @@
+"""The hand goes round what stands in its straight way, in the grasp plane; what is drawn and pushed may be stuck there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.kernels.rigid import translation
+from engine.model.grasping import Approach, NoApproach
+from engine.model.motion import Strategy
+from engine.pipelines.placing.answers import Placed
+from engine.pipelines.placing.approaching import WayOut, way_in
+from engine.pipelines.placing.holding import Reach, with_hand
+from engine.pipelines.placing.looking import look
+from engine.pipelines.placing.placing import place
+from engine.pipelines.placing.resting import GOAL, START, resting
+from engine.pipelines.placing.site import Site
+from engine.pipelines.placing.task import Coming, Manner, Task
+from engine.stages.geometry import transforms
+from engine.stages.geometry.world.model import World
+from kb.loader.scene import load_scene
+from kb.model.cell import Body, BodyKind, Placement
+from kb.model.scene import Scene
+from kb.model.shapes import Box, PlacedShape
+from kb.targets import BUNDLED
+
+SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
+
+
+@pytest.fixture(scope="module")
+def plan() -> Placed:
+    """How the part is placed where nothing stands around."""
+    found, _ = place(SCENE, "angle", "base")
+    assert isinstance(found, Placed)
+    return found
+
+
+@pytest.fixture(scope="module")
+def barred(plan: Placed) -> Scene:
+    """The scene with a bar straight above one end of the cross-piece: the hand must go aside before it goes up."""
+    carry = plan.carries[0]
+    T = plan.T_world_part @ carry.T_part_hand @ translation(0.065, 0.0, -0.117)
+    at = Placement("world", transforms.to_pose(T))
+    bar = Body("bar", BodyKind.FIXTURE, at, (PlacedShape(Box((0.016, 0.06, 0.01))),))
+    return replace(SCENE, cell=replace(SCENE.cell, bodies={**SCENE.cell.bodies, "bar": bar}))
+
+
+def task_of(scene: Scene, plan: Placed, manner: Manner) -> Task:
+    world = World.of(scene.cell)
+    site = Site.of(scene, world, look(scene, world, (), 0), {"angle": plan.T_world_part}, manner)
+    return site.task("angle", (plan.T_world_part, plan.T_world_goal))
+
+
+def hold_of(task: Task, plan: Placed) -> int:
+    apart = np.abs(task.holds.poses - plan.carries[0].T_part_hand).max(axis=(1, 2))
+    return int(np.argmin(apart))
+
+
+@pytest.mark.parametrize("coming", [Coming.STRAIGHT, Coming.COMPLETE])
+def test_a_bar_above_the_hand_stops_the_straight_way_and_not_the_one_in_the_plane(
+    barred: Scene, plan: Placed, coming: Coming
+) -> None:
+    task = task_of(barred, plan, Manner(coming))
+    out = WayOut(task, hold_of(task, plan), plan.T_world_part)
+    hand = with_hand(task.world, barred, task.holds.jaws, plan.carries[0].grasp.opening)
+    reach = Reach(hand.put("angle", "world", plan.T_world_part), "arm")
+    q = plan.carries[0].legs[1].path[-1]
+    found = out.configurations(reach, q)
+    if coming is Coming.STRAIGHT:
+        assert found is None
+        return
+    assert found is not None
+    assert not reach.checker.collides(found).any()
+    assert np.abs(found[0] - q).max() < 1e-12
+    away = [hand.moved("arm", each).pose("world", "arm.tool")[:3, 3] for each in (found[0], found[-1])]
+    assert np.linalg.norm(away[1] - away[0]) > 0.1
+
+
+def test_whatever_way_is_found_in_the_plane_is_free_there(barred: Scene, plan: Placed) -> None:
+    from engine.pipelines.placing.approaching import _between, plane_of
+
+    task = task_of(barred, plan, Manner(Coming.COMPLETE))
+    found = WayOut(task, hold_of(task, plan), plan.T_world_part).in_plane
+    assert isinstance(found, Approach)
+    assert (found.poses[-1] == 0.0).all()
+    assert plane_of(task, plan.carries[0]).free(_between(found.poses)).all()
+
+
+def test_a_part_under_a_bar_is_placed_all_the_same(barred: Scene) -> None:
+    found, _ = place(barred, "angle", "base")
+    assert isinstance(found, Placed)
+    assert all(leg.proved for carry in found.carries for leg in carry.legs)
+
+
+def test_potentials_are_stuck_before_the_bar(barred: Scene, plan: Placed) -> None:
+    task = task_of(barred, plan, Manner(Coming.POTENTIAL))
+    out = WayOut(task, hold_of(task, plan), plan.T_world_part)
+    assert isinstance(out.in_plane, NoApproach)
+    assert "in balance" in out.stuck()
+
+
+def test_a_plan_shows_its_way_in_as_poses_in_the_plane_that_end_at_the_grasp(plan: Placed) -> None:
+    way = way_in(World.of(SCENE.cell), SCENE, plan.carries[0])
+    np.testing.assert_allclose(way[-1], 0.0, atol=1e-6)
+    np.testing.assert_allclose(way[0], (0.0, -0.1, 0.0), atol=1e-6)
+
+
+@pytest.mark.parametrize("strategy", [Strategy.REDUCED, Strategy.VISIBILITY])
+def test_gross_motions_may_be_those_of_the_seed(strategy: Strategy) -> None:
+    found, _ = place(SCENE, "angle", "base", manner=Manner(Coming.COMPLETE, strategy))
+    assert isinstance(found, Placed)
+    assert all(leg.proved for leg in found.carries[0].legs)
+
+
+def test_the_graph_of_placements_holds_what_the_plan_took(plan: Placed) -> None:
+    shown = resting(task_of(SCENE, plan, Manner()), plan)
+    assert shown.taken == (START, GOAL)
+    assert shown.holds[START] == plan.holds[1]
+    assert shown.holds[GOAL] == plan.holds[2]
+    assert shown.ways[START, GOAL] > 0
+    assert all(0 < count <= min(shown.holds[a], shown.holds[b]) for (a, b), count in shown.ways.items())

@@ -1,0 +1,65 @@
+"""How far an outline is off is told edge by edge."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.kernels.rigid import rotation, transform
+from engine.model.vision import Camera
+from engine.stages.vision.hypotheses import Model
+from engine.stages.vision.residuals import LEAST, outline_off_px
+from tests.engine.stages.solids import block
+
+CAMERA = Camera.viewing(640, 480, 0.6, 1.0)
+MODEL = Model(block(0.1, 0.06, 0.0001))
+T = transform(np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 1.0))
+LONG, WIDE = 320 / 3, 64.0  # pixels
+
+
+def outline(turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the outline of the block, with their directions outwards: two long sides, then two short ones."""
+    u, v = np.arange(-50, 51, dtype=float), np.arange(-30, 31, dtype=float)
+    sides = [(np.stack([u, np.full(len(u), s * WIDE / 2)], axis=1), (0.0, float(s))) for s in (1, -1)] + [
+        (np.stack([np.full(len(v), s * LONG / 2), v], axis=1), (float(s), 0.0)) for s in (1, -1)
+    ]
+    at = np.concatenate([places for places, _ in sides])
+    outward = np.concatenate([np.tile(way, (len(places), 1)) for places, way in sides])
+    R = rotation((0, 0, 1), turn)[:2, :2]
+    return at @ R.T + CAMERA.centre_px, outward @ R.T
+
+
+def test_every_edge_of_a_part_counts_once() -> None:
+    assert len(Model(block(0.1, 0.06, 0.05)).ends) == 12
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    turn=st.floats(-3.0, 3.0), off=st.floats(-3.0, 3.0), side=st.integers(0, 3), seed=st.integers(0, 10**6)
+)
+def test_one_side_that_is_off_is_told_by_as_much_as_it_is(
+    turn: float, off: float, side: int, seed: int
+) -> None:
+    at, outward = outline(turn)
+    pose = T @ transform(rotation((0, 0, 1), -turn), np.zeros(3))
+    ends = np.cumsum([0, 101, 101, 61, 61])
+    shift = np.random.default_rng(seed).normal(0.0, 0.1, len(at))
+    shift[ends[side] : ends[side + 1]] += off
+    found = outline_off_px(MODEL, CAMERA, pose, at, outward, shift)
+    assert found == pytest.approx(abs(off), abs=0.25)
+
+
+def test_a_side_that_is_turned_is_told_by_its_ends() -> None:
+    at, outward = outline()
+    shift = np.zeros(len(at))
+    shift[:101] = np.linspace(-1.5, 1.5, 101)
+    assert outline_off_px(MODEL, CAMERA, T, at, outward, shift) > 1.0
+
+
+def test_noise_alone_is_averaged_out_and_few_places_tell_nothing() -> None:
+    at, outward = outline()
+    shift = np.random.default_rng(0).normal(0.0, 0.5, len(at))
+    assert outline_off_px(MODEL, CAMERA, T, at, outward, shift) < 0.5
+    few = np.full(len(at), np.nan)
+    few[: LEAST - 1] = 5.0
+    assert outline_off_px(MODEL, CAMERA, T, at, outward, few) == 0.0
