@@ -227,6 +227,7 @@ def test_of_each_resource_the_first_conflict_is_named() -> None:
     ("hold", "found"),
     [
         (Hold("slot", Moment("one", 3), Moment("two")), ()),
+        (Hold("slot", Moment("one", 3), Moment("one", 3)), ()),
         (Hold("slot", Moment("two"), Moment("one", 3)), ("the hold of two ends at 3, before it begins",)),
         (Hold("slot", Moment("one", 3), None), ("slot has capacity 1, but at 5 it serves hold of one, two",)),
         (Hold("slot", None, Moment("one", 3)), ()),
@@ -244,6 +245,14 @@ def test_what_is_held_is_taken_from_its_beginning_to_its_end(hold: Hold, found: 
     job = Job("a", (Stage("one", 3), Stage("two", 2, ("slot",))))
     shop = Shop((job,), (Resource("slot"), Resource("other")), (), (hold,))
     assert check_schedule(shop, at(0, 5, shop=shop)) == found
+
+
+def test_a_hold_without_a_beginning_is_there_at_time_zero() -> None:
+    job = Job("a", (Stage("one", 1, ("slot",)), Stage("two", 2)))
+    shop = Shop((job,), (Resource("slot"),), (), (Hold("slot", None, Moment("one", 1)),))
+    assert check_schedule(shop, at(0, 5, shop=shop)) == (
+        "slot has capacity 1, but at 0 it serves hold of one, one",
+    )
 
 
 def test_a_hold_for_good_lasts_beyond_the_end() -> None:
