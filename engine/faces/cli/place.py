@@ -20,6 +20,17 @@ if TYPE_CHECKING:
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
 
 
+On = Annotated[str, typer.Argument(metavar="ON", help="the word `on`")]
+
+Again = Annotated[
+    Path | None,
+    typer.Option(
+        "--again",
+        help="a depth image taken just before the part is grasped: what has moved since is planned anew",
+    ),
+]
+
+
 class Approach(StrEnum):
     """The ways in which a hand comes to a grasp, named here so that help needs no array library."""
 
@@ -30,18 +41,12 @@ class Approach(StrEnum):
 
 def place(
     part: Annotated[str, typer.Argument(metavar="PART", help="the part that is placed")],
-    on: Annotated[str, typer.Argument(metavar="ON", help="the word `on`")],
+    on: On,
     base: Annotated[str, typer.Argument(metavar="PART", help="the body that it is placed on")],
     scene: SceneName,
     image: Image = None,
     calibration: Calibration = None,
-    again: Annotated[
-        Path | None,
-        typer.Option(
-            "--again",
-            help="a depth image taken just before the part is grasped: what has moved since is planned anew",
-        ),
-    ] = None,
+    again: Again = None,
     seed: Seed = 0,
     format: Format = Form.TEXT,
     approach: Annotated[
@@ -65,16 +70,19 @@ def place(
     """Place a part ON another one, as the relations of a scene say: find it, grasp it, and plan all motions."""
     if on.lower() != "on":
         raise typer.BadParameter(f"write: place {part} on {base}", param_hint="ON")
+    names, images, moves = (part, base), (image, again), (execute, approve)
+    manner = approach.value, strategy.value
+    _refuse_misfits(images, moves)
+    give(lambda: _placed(names, scene_of(scene, calibration), images, seed, manner, moves, output), format)
+
+
+def _refuse_misfits(images: tuple[Path | None, Path | None], moves: tuple[bool, bool]) -> None:
+    """Refuse options that do not go together: images of files, and what is carried out and asked for."""
+    execute, approve = moves
     if approve and not execute:
         raise typer.BadParameter("--approve asks before something moves: add --execute")
-    if execute and (image or again):
+    if execute and any(images):
         raise typer.BadParameter("--execute makes its images from the scene: leave out --image and --again")
-    names = (part, base)
-    manner, moves = (approach.value, strategy.value), (execute, approve)
-    give(
-        lambda: _placed(names, scene_of(scene, calibration), (image, again), seed, manner, moves, output),
-        format,
-    )
 
 
 def _placed(

@@ -37,20 +37,22 @@ def resume(
     """Go on with RUN from its journal: ask the driver what became of commands under way, repeat none, and finish."""
     if events == "-" and format is Form.JSON:
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
+    give(lambda: _resumed(run, store, factor, events, watch, (expansions, seed)), format)
 
-    def make() -> Answer:
-        from engine.faces.cli.run import answer_of
-        from engine.faces.cli.supervision import Watching
-        from engine.pipelines.execution import resume as go_on
-        from engine.pipelines.execution.begin import followed
-        from engine.stages.planning import Limits
-        from kb.store.own import default_store
 
-        where = store or default_store()
-        pace, before = followed(where, run, factor) if watch else (0.0, ())
-        with Watching(run, where, events, False, watch, pace, before) as seen:
-            limits = Limits(expansions, seed=seed)
-            ending = go_on(where, run, seen.channel, seen.watchers, limits, factor)
-        return answer_of(ending, where, events == "-")
+def _resumed(
+    run: str, store: str, factor: float | None, events: str, watch: bool, search: tuple[int, int]
+) -> Answer:
+    from engine.faces.cli.run import answer_of
+    from engine.faces.cli.supervision import Watching
+    from engine.pipelines.execution import resume as go_on
+    from engine.pipelines.execution.begin import followed
+    from engine.stages.planning import Limits
+    from kb.store.own import default_store
 
-    give(make, format)
+    where = store or default_store()
+    pace, before = followed(where, run, factor) if watch else (0.0, ())
+    with Watching(run, where, events, False, watch, pace, before) as seen:
+        limits = Limits(search[0], seed=search[1])
+        ending = go_on(where, run, seen.channel, seen.watchers, limits, factor)
+    return answer_of(ending, where, events == "-")

@@ -104,11 +104,10 @@ def sequence(
     output: Output = None,
 ) -> None:
     """Print the best order found for the visits of TARGET, with a lower bound on the cost of any order."""
-    back = _returns(closed, open_)
     news = (done or [], lost or [], bad or [], restored or [])
     wanted = (window or [], lasts or [], before or [])
     kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
-    kind = form_of(output, format, TourForm.TEXT)
+    back, kind = _returns(closed, open_), form_of(output, format, TourForm.TEXT)
     given = {"--closed": closed, "--start": start, "--end": end, "--format svg": kind is TourForm.SVG}
     given |= {**dict(zip(WISHES, wanted, strict=True)), "--method": method != "auto"}
     _refuse_misfits(given, kept, open_, cost, store)

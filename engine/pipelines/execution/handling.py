@@ -218,8 +218,7 @@ class ExceptionHandler:
     def _spoils(self, gone: Iterable[Atom], why: str) -> dict[str, list[list[str]]]:
         """The measurements among facts that a cause has ended: their values do not count any more."""
         said = spoils(gone, self.course.measured) if self.course.measured else []
-        now = self.course.driver.now_ms()
-        self.course.spoilt += spoilt_in([({"spoils": said, "why": why}, now)])
+        self.course.spoilt += spoilt_in([({"spoils": said, "why": why}, self.course.driver.now_ms())])
         return {"spoils": said} if said else {}
 
     def _diagnosed(self, made: Diagnosis, step: Function) -> None:

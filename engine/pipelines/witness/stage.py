@@ -293,9 +293,6 @@ class Stage:
 
     def off(self, world: World) -> dict[str, float]:
         """How far each part and each tool that is in no hand is from where the facts put it, in m."""
-        found = {}
-        for name in world.cell.bodies:
-            if is_free(world.cell, name) and not in_hand(world, name):
-                there = world.pose("world", name)[:3, 3]
-                found[name] = float(np.linalg.norm(self.data.body(name).xpos - there))
-        return found
+        free = [each for each in world.cell.bodies if is_free(world.cell, each) and not in_hand(world, each)]
+        away = {each: self.data.body(each).xpos - world.pose("world", each)[:3, 3] for each in free}
+        return {name: float(np.linalg.norm(each)) for name, each in away.items()}
