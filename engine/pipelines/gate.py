@@ -7,7 +7,7 @@ milliseconds. It does not decide what happens to a plan that is refused: that is
 from engine.stages.validation import findings
 from engine.stages.validation.changes import State
 from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import Diagnostic
+from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem
 
@@ -23,6 +23,12 @@ class InternalError(Exception):
 
     def __init__(self, diagnostics: list[Diagnostic]) -> None:
         super().__init__("the checker refuses the plan:\n" + "\n".join(map(str, diagnostics)))
+
+
+def refusal(wrong: list[Diagnostic]) -> InternalError | InvalidInput:
+    """What to raise for a plan that the checker refuses: a domain may contradict itself where only this plan leads; else it is a bug."""
+    at_fault = all(each.code == "K301" for each in wrong)
+    return InvalidInput(wrong) if at_fault else InternalError(wrong)
 
 
 class PlanGate:
@@ -58,10 +64,10 @@ class PlanGate:
         return plan, wrong
 
     def accepted(self, problem: Problem, plan: Plan) -> Plan:
-        """The plan as it may be given out. Raises `InternalError` if it may not."""
+        """The plan as it may be given out. Raises `InternalError` or `InvalidInput` if it may not."""
         made, wrong = self.settled(problem, plan)
         if wrong:
-            raise InternalError(wrong)
+            raise refusal(wrong)
         return made
 
 

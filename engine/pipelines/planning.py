@@ -9,7 +9,7 @@ from dataclasses import replace
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
 from engine.pipelines.files import loaded as loaded
-from engine.pipelines.gate import InternalError, PlanGate
+from engine.pipelines.gate import PlanGate, refusal
 from engine.pipelines.plan_files import check_plan as check_plan
 from engine.pipelines.plan_files import plan_in as plan_in
 from engine.pipelines.renaming import in_the_order_said
@@ -78,7 +78,7 @@ def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MAC
             outcome, task = _searched(ground(problem), limits, macros)
             made = gate.accepted(problem, outcome.plan) if isinstance(outcome, Found) else made
         elif wrong:
-            raise InternalError(wrong)
+            raise refusal(wrong)
         outcome = replace(outcome, plan=made) if isinstance(outcome, Found) else outcome
     seconds = {**outcome.statistics.seconds, "check": time.perf_counter() - started}
     return replace(outcome, statistics=replace(outcome.statistics, seconds=seconds)), task

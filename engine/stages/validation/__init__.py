@@ -132,9 +132,9 @@ class _Check:
             return None
         change = self.semantics.change(operator, bindings, facts, state)
         if change.contradiction is not None:
-            self._report(
-                "K501", f"step {step.id} {step.operator} both adds and denies {change.contradiction}"
-            )
+            said = f"step {step.id} {step.operator} both adds and denies {change.contradiction}"
+            hint = f"add conditions to {operator.name}, or to the deductive operators that it triggers"
+            self.found.append(Diagnostic(operator.where, "K301", said, hint))
             return None
         self.executed[step.id] = Executed(step, operator, bindings, change)
         return change

@@ -127,7 +127,7 @@ deductive_operators:
 def test_a_step_does_not_add_what_its_effects_deny() -> None:
     assert wrong(problem("on", (), CONTRARY), (step(1, "switch"),)) == []
     assert wrong(problem("on", (), CONTRARY), (step(1, "spoil"),)) == [
-        "K501: step 1 spoil both adds and denies off"
+        "K301: step 1 spoil both adds and denies off"
     ]
 
 

@@ -1,0 +1,30 @@
+"""A domain that contradicts itself only in a state to which a plan leads is at fault, not the engine."""
+
+import pytest
+
+from engine.pipelines import planning
+from engine.stages.grounding import ground
+from kb.diagnostics import InvalidInput
+from kb.model.conditions import TRUE, Literal, Parameter
+from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Operator
+from kb.model.problem import Problem
+from kb.terms import Function
+from tests.properties.problems import CONSTANTS, PREDICATES, TYPES, X
+
+A, B = (Function("p", (each,)) for each in CONSTANTS)
+R = Function("r")
+
+
+def test_a_step_that_contradicts_itself_where_it_stands_is_told_as_a_fault_of_the_domain() -> None:
+    """`p` of anything denies `r`; the step adds `p(b)`, and `r` where `p(a)` does not hold."""
+    step = Operator("o", (), TRUE, (Effect(B), Effect(R, True, (), Literal(A, False))))
+    denial = Consequence(R, False, (), ())
+    rule = DeductiveOperator(Literal(Function("p", (X,)), True), (Parameter(X, "thing"),), (), (denial,))
+    objects = dict.fromkeys(map(str, CONSTANTS), "thing")
+    domain = Domain(
+        "d", TYPES, objects=objects, predicates=PREDICATES, operators=(step,), deductive_operators=(rule,)
+    )
+    problem = Problem("p", domain, goal=Literal(B))
+    assert ground(problem).operators
+    with pytest.raises(InvalidInput, match="K301: step 1 o both adds and denies r"):
+        planning.plan(problem)
