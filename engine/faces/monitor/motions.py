@@ -9,6 +9,7 @@ from functools import lru_cache
 
 from engine.faces.monitor.following import Follower
 from engine.pipelines.execution.retracing import Retracing, Taken
+from engine.pipelines.units.parents import end_with_parent
 from kb.diagnostics import InvalidInput
 
 BATCH_S = 1.0  # how long is searched before the page gets what was found
@@ -56,8 +57,8 @@ class Motions:
 
 
 def workers() -> ProcessPoolExecutor:
-    """One process that looks for motions."""
-    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+    """One process that looks for motions. It ends with the monitor, however that ends."""
+    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent)
 
 
 def further(store: str, run: str, target: Target, since: int, until: int) -> tuple[int, list[Taken], str]:

@@ -12,6 +12,7 @@ from multiprocessing.synchronize import Event
 from typing import Any
 
 from engine.pipelines.units.guard import limited_memory, share
+from engine.pipelines.units.parents import end_with_parent
 from engine.pipelines.units.work import Kind, Unit, one
 
 ENDING = 0.5  # seconds that processes may take to end their searches
@@ -128,17 +129,9 @@ _STOPS: list[Event] = []  # in a process of the pool: the event that tells it to
 def _listen(stop: Event, megabytes: int) -> None:
     """In a process of the pool: stop its searches and its grounding when `stop` is set, and end with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server may have been started where Ctrl-C was heard
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     _STOPS.append(stop)
     limited_memory(megabytes)
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent is gone, killed perhaps: the pool's queue would keep it waiting for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _stopped() -> bool:
