@@ -1,10 +1,11 @@
 """Follows the journal of a run, and tells how the run stood at any of its records."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from engine.faces.monitor.goals import GoalIndex
 from engine.faces.monitor.keeping import Kept
 from engine.formats.report.narration import narrated
 from engine.formats.report.standing import Standing
@@ -34,6 +35,7 @@ class Watched(Standing):
     questions: dict[int, dict[str, Any]] = field(default_factory=dict)  # commands that ask a person
     histories: list[dict[str, Any]] = field(default_factory=list)
     goals: dict[str, str] = field(default_factory=dict)  # open, reached, or why it was given up
+    index: GoalIndex = field(default_factory=GoalIndex)  # those of the goals that are single facts
     plan: dict[str, Any] = field(default_factory=dict)
 
     def copied(self) -> "Watched":
@@ -53,6 +55,8 @@ class Watched(Standing):
         """Another plan."""
         self.plan = content
         self.goals = {each: self.goals.get(each, "open") for each in content["goals"]}
+        self.index = GoalIndex.of(self.goals)
+        self._meet(self.holds)
         self.goals |= dict(content["given_up"])
 
     def asked(self, content: Content, _: Record) -> None:
@@ -94,10 +98,18 @@ class Watched(Standing):
 
     def become(self, content: Content, _: Record) -> None:
         """The world model changed."""
+        opened = {goal for each in content["ends"] for goal in self.index.met_by(each)}
+        self.goals |= {goal: "open" for goal in opened if self.goals[goal] == "reached"}
         for each in content["ends"]:
             self.holds.pop(each, None)
         for each in content["adds"]:
             self.holds[each] = self.number
+        self._meet(self.holds if opened & self.index.general else content["adds"])
+
+    def _meet(self, facts: Iterable[str]) -> None:
+        """Some facts hold from now on, and so do the goals that they meet, unless these are given up."""
+        for each in facts:
+            self.goals |= {goal: "reached" for goal in self.index.met_by(each) if self.goals[goal] == "open"}
 
 
 MOVES = {

@@ -18,6 +18,7 @@ from engine.faces.monitor.viewing import View, picture
 from engine.formats.report import svg
 from engine.formats.report.execution import duration
 from engine.pipelines.execution.records import compiled_of
+from engine.pipelines.parts import natural
 
 SIGNS = {"open": "○", "reached": "✓"}  # how a goal stands; whatever else is a reason why it was given up
 LARGEST = 150  # steps of a plan that is drawn
@@ -46,7 +47,10 @@ class Now(View):
         self._draw(run, steps_of(run, chosen))
         current = [(stream, action, duration(since)) for stream, action, since, _ in run.under_way.values()]
         fill(self._current, current, related(run, chosen))
-        goals = [(goal, f"{SIGNS.get(stands, '✗')} {stands}") for goal, stands in sorted(run.goals.items())]
+        goals = [
+            (goal, f"{SIGNS.get(run.goals[goal], '✗')} {run.goals[goal]}")
+            for goal in sorted(run.goals, key=natural)
+        ]
         fill(self._goals, goals, related(run, chosen))
         self._log.clear()
         with self._log:
