@@ -9,13 +9,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from engine.model.forecast import makespan
+from engine.model.stages import STAGE
 from engine.stages.validation.semantics import Semantics
 from kb.model.amounts import NoAmount
 from kb.model.conditions import Body, Literal, goal_parts, literals
 from kb.model.domain import Domain
 from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, Number, Term, exchanged
+from kb.terms import ANYTHING, Atom, Function, Number, Term, Text, exchanged
 
 LONG = 400  # steps; the order of longer plans is as it was found
 HERE = Function("*")  # stands for the object that is looked at
@@ -152,13 +153,9 @@ def _numbers_of(wanted: Iterable[tuple[Atom, ...]], thing: Function) -> list[Ter
 
 def _moved(semantics: Semantics, plan: Plan, moves: Moves) -> Plan | None:
     """The plan with other terms in the places of some; None if it has a step that there is not."""
-
-    def atom(term: Atom) -> Atom:
-        return Function(term.name, tuple(exchanged(each, moves) for each in term.arguments))
-
     steps: list[Step] = []
     for step in plan.steps:
-        operator, held = atom(step.operator), tuple(exchanged(each, moves) for each in step.resources)
+        operator, held = _atom(step.operator, moves), tuple(exchanged(each, moves) for each in step.resources)
         found = semantics.binding(operator)
         if isinstance(found, str):
             return None
@@ -168,5 +165,31 @@ def _moved(semantics: Semantics, plan: Plan, moves: Moves) -> Plan | None:
         except NoAmount:
             return None
         steps.append(replace(step, operator=operator, resources=held, duration=duration, cost=cost))
-    links = tuple(replace(link, condition=atom(link.condition)) for link in plan.links)
-    return Plan(tuple(steps), links)
+    chains = _chains(semantics.problem, moves)
+    links = []
+    for link in plan.links:
+        match link.condition:
+            case Function(name, (Text(chain), reached)) if name == STAGE:
+                if chain not in chains:
+                    return None
+                moved = Function(STAGE, (Text(chains[chain]), reached))
+            case condition:
+                moved = _atom(condition, moves)
+        links.append(replace(link, condition=moved))
+    return Plan(tuple(steps), tuple(links))
+
+
+def _atom(term: Atom, moves: Moves) -> Atom:
+    return Function(term.name, tuple(exchanged(each, moves) for each in term.arguments))
+
+
+def _chains(problem: Problem, moves: Moves) -> dict[str, str]:
+    """For each chain the one whose stages take the places of its own, if there is one."""
+    names = {chain.stages: chain.name for chain in reversed(problem.chains)}
+    moved = {chain.name: tuple(_atom(stage, moves) for stage in chain.stages) for chain in problem.chains}
+    own = {chain.name for chain in problem.chains if moved[chain.name] == chain.stages}
+    return {
+        name: name if name in own else names[each]
+        for name, each in moved.items()
+        if name in own or each in names
+    }

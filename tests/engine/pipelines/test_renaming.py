@@ -1,9 +1,12 @@
 """Objects that are alike come in the order in which the user names them, and nothing else about the plan changes."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from engine.faces.cli import app
 from engine.model.outcome import Found
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.objective import plan
@@ -82,3 +85,11 @@ def test_a_plan_in_another_order_that_the_checker_refuses_is_left() -> None:
     assert kept == made
     assert [heated(each) for each in asked] == [["probe_1", "probe_2"]]
     assert PlanGate().findings(other, asked[0]) == []
+
+
+def test_the_stages_of_a_plan_change_places_with_their_objects(tmp_path: Path) -> None:
+    """Each link for a stage is about the object that its step handles: `validate` looks at the links of a plan that was kept."""
+    file = tmp_path / "plan.json"
+    assert CliRunner().invoke(app, ["plan", "centrifuge/four", "-o", str(file)]).exit_code == 0
+    checked = CliRunner().invoke(app, ["validate", str(file)])
+    assert checked.exit_code == 0, checked.output
