@@ -101,14 +101,13 @@ def _deaf() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # an alarm would reach processes that are half started, and they would complain
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
+    # what comes meanwhile is heard afterwards; an alarm would reach processes that are half started, and they would complain
+    held = {signal.SIGINT, signal.SIGALRM}
+    signal.pthread_sigmask(signal.SIG_BLOCK, held)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
 
 
 @contextlib.contextmanager
