@@ -14,10 +14,17 @@ from engine.pipelines.moves.walking import Walk
 from engine.pipelines.planning import problem_of
 from engine.plugins import geometry_backend
 from kb.loader.cell import cell_of
-from tests.engine.pipelines.execution.test_obstacles import actions, corrections, crate, executed, planned, wanted
+from tests.engine.pipelines.execution.test_obstacles import (
+    actions,
+    corrections,
+    crate,
+    executed,
+    planned,
+    wanted,
+)
 
 TARGET = "dual/crossing"
-CRATE_AT = "0.40, 0.36, 0.25"  # between the tray of the left arm and the middle
+CRATE_AT = "0.30, 0.30, 0.30"  # where the left arm passes on its way to the middle
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +53,13 @@ def test_a_step_is_not_begun_where_another_arm_is_on_its_way(made: Moving) -> No
 def test_two_arms_find_ways_around_what_one_has_met(tmp_path: Path) -> None:
     free, before = executed(wanted(tmp_path, TARGET))
     assert (free.outcome, free.exceptions) == ("reached", 0)
-    again = wanted(tmp_path, TARGET, obstacles=crate(tmp_path, CRATE_AT, "0.06, 0.06, 0.5"))
+    again = wanted(tmp_path, TARGET, obstacles=crate(tmp_path, CRATE_AT, "0.06, 0.06, 0.2"))
     ending, records = executed(again)
     assert ending.outcome == "reached", ending.why
     assert ending.exceptions > 0
     assert [list(each["bodies"]) for each in corrections(records)] == [["crate"]]
-    assert sorted(actions(records)) == sorted(actions(before))
+    puts = ["put(left, rod_2, tray_1)", "put(right, rod_1, shelf_1)"]
+    assert [sorted(each for each in actions(found) if each in puts) for found in (before, records)] == [
+        puts,
+        puts,
+    ]
