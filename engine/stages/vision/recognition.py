@@ -50,11 +50,15 @@ LOOSE = "only one of its faces is seen, and nothing says what carries it; look f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Claim:
-    """A part at a pose that the image confirms, what speaks for it, and the pixels (height, width) that show it."""
+    """A part at a pose that the image confirms, what speaks for it, and the pixels (height, width) that show it.
+
+    `stands` says whether it rests on what carries it, or nothing is known of that.
+    """
 
     sight: Sight
     evidence: float
     shows: Truths
+    stands: bool = True
 
 
 def recognised(models: Mapping[str, Model], image: DepthImage, ground: Ground) -> Recognised:
@@ -95,16 +99,16 @@ def _claims(
             _loose(model, each.T_camera_part, view, ground) or doubt(each, DEMANDS) for each, _ in seen
         ]
         sure = [each for (each, _), why in zip(seen, reasons, strict=True) if not why]
-        found += [_claim(name, model, each, image) for each in sure]
+        found += [_claim(name, model, each, view, ground) for each in sure]
         if seen and not sure:
             doubts[name] = max(zip(seen, reasons, strict=True), key=lambda pair: worth(pair[0][0]))[1]
     return found, doubts
 
 
-def _claim(name: str, model: Model, each: Hypothesis, image: DepthImage) -> Claim:
-    shows, normals = _shown(model, each.T_camera_part, image)
+def _claim(name: str, model: Model, each: Hypothesis, view: View, ground: Ground) -> Claim:
+    shows, normals = _shown(model, each.T_camera_part, view.image)
     sight = Sight(name, each.T_camera_part, int(shows.sum()), each.seen, len(normals))
-    return Claim(sight, each.evidence, shows)
+    return Claim(sight, each.evidence, shows, stands(model, each.T_camera_part, view, ground))
 
 
 def _shown(model: Model, T: Floats, image: DepthImage) -> tuple[Truths, list[Floats]]:
@@ -152,14 +156,14 @@ def _parts(group: Sequence[Claim]) -> set[str]:
 
 
 def _groups(claims: Sequence[Claim]) -> list[tuple[Claim, ...]]:
-    """Claims that explain the same pixels, the best first; without those that are clearly behind."""
+    """Claims that explain the same pixels, the best first; without those that are clearly behind, or hang in the air beside one that stands."""
     rest = sorted(claims, key=lambda each: -each.evidence)
     groups = []
     while rest:
-        best = rest[0]
-        same_place = [each for each in rest if _overlap(best, each)]
-        groups.append(tuple(each for each in same_place if each.evidence >= (1.0 - AHEAD) * best.evidence))
-        rest = [each for each in rest if not any(each is other for other in same_place)]
+        together = [each for each in rest if _overlap(rest[0], each)]
+        near = [each for each in together if each.evidence >= (1.0 - AHEAD) * rest[0].evidence]
+        groups.append(tuple([each for each in near if each.stands] or near))
+        rest = [each for each in rest if not any(each is other for other in together)]
     return groups
 
 

@@ -1,5 +1,7 @@
 """Parts are recognised by the relations between their faces and by their edges; what is alike, missing or strange is said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -118,6 +120,12 @@ def test_each_part_is_there_once_so_what_is_found_elsewhere_decides() -> None:
         [],
         [("a", "b"), ("a", "b")],
     )
+
+
+def test_a_part_that_stands_is_believed_before_one_that_hangs_in_the_air() -> None:
+    hanging = replace(claim("a", 100.0, *range(40)), stands=False)
+    assert settled(hanging, claim("b", 99.0, *range(40))) == (["b"], [])
+    assert settled(hanging, claim("b", 50.0, *range(40))) == (["a"], [])
 
 
 def lying(part: Solid, random: np.random.Generator) -> Floats:
