@@ -54,6 +54,7 @@ class _Inquiry:
         initial = tuple(a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage"))
         trial = replace(self.limits, expansions=min(self.limits.expansions, TRIAL))
         space = Space.of(self.problem, initial)
+        excluded = tuple(self._exclusions(goals, space))  # before the long search, which a limit may end
         advice = Advice(
             space,
             self.problem,
@@ -69,7 +70,7 @@ class _Inquiry:
         return Explanation(
             "infeasible",
             tuple(map(str, goals)),
-            tuple(self._exclusions(goals, space)),
+            excluded,
             tuple(changes),
             reason,
             advice.untried,
