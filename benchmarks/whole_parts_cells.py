@@ -190,7 +190,7 @@ CELLS = (
         for second in ("run", "recovery", "test")
     ),
     Part(
-        "kills", "benchmarks/kills.py", ("--from", "1", "--to", "6", "--json", "{json}"), ("--json", "{json}"),
+        "kills", "benchmarks/kills.py", ("--from", "2", "--to", "30", "--json", "{json}"), ("--json", "{json}"),
         (Figure(19, "kills survived", lambda o: float(len(o.kept)), "", less=False, noise=EXACT),), (9, 60),
     ),
     Part(
