@@ -15,6 +15,7 @@ import math
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -161,13 +162,23 @@ def _of_children() -> float:
 
 
 def _output(line: Sequence[str], place: Path, seconds: float) -> str:
-    try:
-        done = subprocess.run(
-            line, capture_output=True, text=True, check=False, cwd=place, timeout=seconds, env=_environment()
-        )
-    except subprocess.TimeoutExpired:
-        return ""
-    return done.stdout if done.returncode == 0 else ""
+    """What a planner prints; nothing if it fails. After the time it is ended with all that it has started."""
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(
+        line,
+        stdout=subprocess.PIPE,
+        stderr=quiet,
+        text=True,
+        cwd=place,
+        env=_environment(),
+        start_new_session=True,
+    ) as planner:
+        try:
+            said, _ = planner.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(planner.pid, signal.SIGKILL)
+            return ""
+    return said if planner.returncode == 0 else ""
 
 
 def _environment() -> dict[str, str]:
