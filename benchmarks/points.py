@@ -29,7 +29,7 @@ def kind_of(point: int) -> str:
 
 def cell(points: int) -> Problem:
     """A bulkhead with points m1 to mN: at m1 in contact, with the ultrasonic probe in the hand."""
-    needs = "\n".join(f"  - needs(m{n}, {kind_of(n)})" for n in range(1, points + 1))
+    needs = "\n".join(f"  - needs(m{n}, {kind_of(n)})\n  - position({_place(n)})" for n in range(1, points + 1))
     text = (
         f"problem: points_{points}\ndomain: bulkhead\nobjects:\n  measurement: [m1..{points}]\nstatics:\n{needs}\n"
         "initial:\n  - at(t3_746, in_contact_point(meas(m1))), holding(t3_746, us_probe)\n"
@@ -41,6 +41,12 @@ def cell(points: int) -> Problem:
         problem = load(file).problem
     assert problem is not None
     return problem
+
+
+def _place(point: int) -> str:
+    """A point and where it is: rows of a hundred, 40 mm apart, in micrometres."""
+    row, column = divmod(point - 1, 100)
+    return f"m{point}, {40_000 * column}, {40_000 * row}, 0"
 
 
 def atom(name: str, *arguments: Term) -> Atom:
@@ -76,6 +82,7 @@ class Day:
         state = [atom("at", ARM, atom("in_contact_point" if touching else "approach_point", place))]
         state += [atom("location", t, ARM, Function("in_rack")) for t in (PROBE, LASER) if t != self.tool]
         state.append(atom("holding", ARM, self.tool) if self.tool else atom("hand_empty", ARM))
+        state.append(atom("stands", ARM, Function("middle")))
         state += [atom("couplant_applied", atom("goal_point", meas(n))) for n in sorted(self.coated)]
         return tuple(state)
 
