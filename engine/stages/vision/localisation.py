@@ -1,6 +1,6 @@
 """Where a part is in a depth image, or why that cannot be said."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from engine.model.geometry import Floats, Truths
 from engine.model.vision import DepthImage, Hypothesis, Located, NotLocated, Sighting
 from engine.stages.vision.hypotheses import Model, hypotheses
 from engine.stages.vision.outlines import regions_of
-from engine.stages.vision.refinement import View, judged, look, refined
+from engine.stages.vision.refinement import View, judged, look, refined, settled
 
 TRIED, BETTERED, REFINED = (
     30,
@@ -61,29 +61,37 @@ def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | N
     if not len(begun):
         return NotLocated("nothing in the image has edges like those of the part")
     view = View(image, ground.known)
-    apart = [T for _, T in _ordered(model, view, _distinct(begun, model, TRIED))[:BETTERED]]
+    apart = [T for _, T in _ordered(model, view, _distinct(begun, model, TRIED), hope)[:BETTERED]]
     nearer = _ordered(model, view, [refined(model, view, T, 2)[0] for T in apart])
     alike = [refined(model, view, T @ S, 2)[0] for _, T in nearer[:1] for S in model.likenesses]
     nearer = sorted([*nearer, *_ordered(model, view, alike)], key=lambda pair: -pair[0])
     hopeful = [T for value, T in nearer if value > HOPELESS * nearer[0][0]]
     final: list[tuple[Hypothesis, Floats]] = []
     for T in _distinct(hopeful, model, REFINED):
-        pose, covariance = refined(model, view, T)
-        each = judged(model, view, pose)
+        pose, covariance = settled(model, view, T)
+        each = judged(model, view, pose, closely=True)
         if each is not None and not _below(model, pose, ground) and _rests(model, pose, view, ground):
             final.append((each, covariance))
     return _decided(model, final, demands or Demands())
 
 
-def _ordered(model: Model, view: View, poses: Sequence[Floats]) -> list[tuple[float, Floats]]:
+def _ordered(
+    model: Model, view: View, poses: Sequence[Floats], value: Callable[[Hypothesis], float] | None = None
+) -> list[tuple[float, Floats]]:
     """The poses of a part in the picture with what speaks for them, those first for which most does."""
-    found = [(worth(each), T) for T in poses if (each := judged(model, view, T)) is not None]
+    value = value or worth
+    found = [(value(each), T) for T in poses if (each := judged(model, view, T)) is not None]
     return sorted(found, key=lambda pair: -pair[0])
 
 
 def worth(one: Hypothesis) -> float:
     """How much speaks for a hypothesis: the pixels that show it, much less where some contradict it or its outline."""
     return one.pixels * one.agreeing**30 * one.edged**6
+
+
+def hope(one: Hypothesis) -> float:
+    """How much speaks for a pose that is not refined: where it is a little off, more of it is contradicted than of a wrong one that is larger than what it hides."""
+    return one.pixels * one.agreeing**4 * one.edged
 
 
 def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Demands) -> Sighting:
