@@ -32,7 +32,7 @@ CARRIED = 0.15  # the share of a part's surroundings that must be as high as the
 class Demands:
     """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead.
 
-    `off_px` is how far a piece of an edge may be off on average; less than a pixel, because between two pixels nothing is seen.
+    `within_m` is the standard deviation of its place in the direction that is told least. `off_px` is how far a piece of an edge may be off on average; less than a pixel, because between two pixels nothing is seen.
     """
 
     agreeing: float = 0.99
@@ -41,6 +41,7 @@ class Demands:
     off_px: float = 0.6
     pixels: int = 250
     ahead: float = 40.0
+    within_m: float = 0.0006
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,6 +109,9 @@ def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Dema
     reason = _doubt(best, demands)
     if not reason and rivals and second is not None and best.evidence - second.evidence < demands.ahead:
         reason = "two poses explain the image equally well"
+    least = float(np.sqrt(max(np.linalg.eigvalsh(covariance[:3, :3])[-1], 0.0)))
+    if not reason and least > demands.within_m:
+        reason = f"nothing that is seen tells where it lies along one direction: give or take {1000 * least:.1f} mm"
     if reason:
         return NotLocated(reason, best, second)
     poses = tuple(best.T_camera_part @ S for S in model.symmetries)

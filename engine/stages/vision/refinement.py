@@ -188,7 +188,8 @@ def settled(model: Model, view: View, T: Floats) -> tuple[Floats, Floats]:
             bettered = _bettered(model, view, T, LEAST_WITHIN, closely)
             if bettered is None:
                 break
-            T, covariance, step = bettered
+            T, told, step = bettered
+            covariance = covariance if closely else told  # places at corners are on no edge, but tell as much
             if np.abs(step[:3]).max() < AT_REST_M and np.abs(step[3:]).max() < AT_REST_RAD:
                 break
     return T, covariance
