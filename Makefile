@@ -64,7 +64,7 @@ $(PEERS)/ready: $(VENV)/ready
 	touch $@
 
 bench: $(PEERS)/ready
-	$(BIN)/python benchmarks/whole.py --profile $(PROFILE)
+	$(BIN)/python benchmarks/whole.py --profile $(PROFILE) $(if $(CLUSTER),--cluster $(CLUSTER))
 
 # The fault matrix, and two faults in one run; it goes on where it stopped. SAMPLES=100 SEED=2 CLUSTER=HOST:8786 make faults
 SAMPLES ?= 1000

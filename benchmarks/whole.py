@@ -1,12 +1,13 @@
 """The whole measurement: every benchmark in one run, with every figure that an issue has named on one page.
 
-    python benchmarks/whole.py [--profile quick|full] [--only PART ...] [--minutes N] [--kept FOLDER] [--list]
+    python benchmarks/whole.py [--profile quick|full] [--only PART ...] [--minutes N] [--kept FOLDER] [--cluster ADDRESS] [--list]
 
 The quick profile ends within 40 minutes: what is left then is told on the page as not run. The full one takes a night or two. The
 result of each part is kept as soon as it is there; after Ctrl-C, a crash or a power failure the next call goes on with the next part, and
 parts that keep what they have tried go on behind it, as long as no source has changed. When all parts of the profile have run, the page PROFILE.md and its
 data PROFILE.json are in FOLDER (`.bench`), the former ones beside them as PROFILE-before, and the next call begins anew. A part that
-fails, and a peer or a data set that is not there, stops nothing. Exits with 1 if something regressed, misses a bar or failed.
+fails, and a peer or a data set that is not there, stops nothing. With a cluster, the parts that count outcomes in units of work (the fault
+matrix) are carried out by it; all others measure times of this machine. Exits with 1 if something regressed, misses a bar or failed.
 """
 
 import argparse
@@ -103,6 +104,7 @@ def main() -> int:
     )
     parser.add_argument("--minutes", type=float, help="no part begins after so many")
     parser.add_argument("--kept", type=Path, default=TOP / ".bench")
+    parser.add_argument("--cluster", default="", help="the address of a Dask cluster, for work in units")
     parser.add_argument("--list", action="store_true", help="list the parts, and end")
     asked = parser.parse_args()
     if asked.list:
@@ -115,7 +117,8 @@ def main() -> int:
     parts = [each for each in PARTS if not asked.only or each.name in asked.only]
     folder = asked.kept / "some" if asked.only else asked.kept
     beside = TOP / ".peers" / "bin" / "python"
-    bench = Bench(folder, asked.profile, version_of(TOP), TOP, peers=str(beside) if beside.exists() else "")
+    planners = str(beside) if beside.exists() else ""
+    bench = Bench(folder, asked.profile, version_of(TOP), TOP, peers=planners, cluster=asked.cluster)
     minutes = MINUTES[asked.profile] if asked.minutes is None else asked.minutes
     os.environ.setdefault("CELLWRIGHT_DATA", str(TOP / "../shared/data"))
     today = datetime.now(UTC).date().isoformat()

@@ -52,7 +52,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Part:
-    """A benchmark with its arguments in both profiles; `{json}` stands for the file that it keeps.
+    """A benchmark with its arguments in both profiles; `{json}` stands for the file that it keeps, `{cluster}` for the address of a cluster.
 
     A profile whose arguments are None leaves it out. `minutes` are what it may take in each profile before it is ended.
     """

@@ -174,7 +174,7 @@ CELLS = (
         (9, 30),
     ),
     Part(
-        "faults", "benchmarks/faults.py", ("--samples", "40", "--json", "{json}"), ("--json", "{json}"),
+        "faults", "benchmarks/faults.py", ("--samples", "40", "--cluster={cluster}", "--json", "{json}"), ("--cluster={cluster}", "--json", "{json}"),
         (
             Figure(19, "fault runs", lambda o: float(len(o.kept)), "", less=False, noise=EXACT),
             Figure(19, "fault runs that ended wrong", counted(lambda r: bool(r[1]), lambda k: list(k.values())), "", 0.0, noise=EXACT),
@@ -183,7 +183,7 @@ CELLS = (
     ),
     *(
         Part(
-            f"faults_{second}", "benchmarks/faults.py", None, ("--second", second, "--samples", "1000", "--json", "{json}"),
+            f"faults_{second}", "benchmarks/faults.py", None, ("--second", second, "--samples", "1000", "--cluster={cluster}", "--json", "{json}"),
             (Figure(19, f"runs with a second fault ({second}) that ended wrong", counted(lambda r: bool(r[1]), lambda k: list(k.values())), "", 0.0, noise=EXACT),),
             (6, 240),
         )

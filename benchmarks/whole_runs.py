@@ -43,6 +43,7 @@ class Bench:
     top: Path
     python: str = sys.executable
     peers: str = ""  # the Python of an environment with other planners; empty without one
+    cluster: str = ""  # the address of a cluster, for parts whose work falls into units
 
     def file(self, part: str) -> Path:
         """The result of a part."""
@@ -110,7 +111,10 @@ def run(bench: Bench, part: Part, limit_s: float) -> Result:
     folder = bench.folder / bench.profile
     folder.mkdir(parents=True, exist_ok=True)
     kept, log = folder / f"{part.name}.json", folder / f"{part.name}.txt"
-    words = _words(part.arguments(bench.profile) or (), {"json": str(kept), "peers": bench.peers})
+    words = _words(
+        part.arguments(bench.profile) or (),
+        {"json": str(kept), "peers": bench.peers, "cluster": bench.cluster},
+    )
     load, began = os.getloadavg()[0], time.monotonic()
     code, spent = _carried_out([bench.python, part.script, *words], bench.top, log, limit_s)
     text = log.read_text("utf-8", errors="replace")
@@ -127,7 +131,7 @@ def _words(arguments: Sequence[str], places: Mapping[str, str]) -> list[str]:
     return [
         each.format(**places)
         for each in arguments
-        if all(places[name] for name in ("json", "peers") if f"{{{name}}}" in each)
+        if all(places[name] for name in places if f"{{{name}}}" in each)
     ]
 
 

@@ -1,4 +1,4 @@
-"""Inspection: measurements of a problem, shapes through points, where a part lies, and which part an image shows."""
+"""Inspection: measurements of a problem, shapes through points, where a part lies, and which parts an image shows."""
 
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
@@ -21,10 +21,10 @@ Shape = Literal["plane", "sphere", "cylinder", "cone", "circle"]
 def measurements(target: Target) -> "Told[Partition]":
     """The measurements of a problem: by tool, those that are done, and those that are impossible, each with its reason."""
     from engine.formats.report.inspection import entry, parts
-    from engine.pipelines.inspection import partition
+    from engine.pipelines.inspection.arms import divided
     from engine.pipelines.points import with_places
 
-    return Told(partition(with_places(load(target))), "ok", entry, parts)
+    return Told(divided(with_places(load(target))), "ok", entry, parts)
 
 
 def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") -> "Told[Fitting]":
@@ -111,10 +111,9 @@ def image(
 def recognise(
     scene: Name, *, parts: Sequence[str] = (), image: "str | PathLike[str] | None" = None, seed: int = 0
 ) -> "Told[Seen]":
-    """Which part of a scene an image shows, and where it is. Without an image one is made. Raises `InvalidInput`."""
+    """Which parts of a scene an image shows, and where they are. Without an image one is made. Raises `InvalidInput`."""
     from engine.formats.interop.depth_files import read_depth
-    from engine.formats.report import ranges
-    from engine.model.ranging import Recognised
+    from engine.formats.report import recognition
     from engine.pipelines.placing import looking
     from engine.pipelines.placing.recognising import recognised_in
     from kb.loader.scene import load_scene
@@ -123,10 +122,10 @@ def recognise(
     read = load_scene(find_scene(fspath(scene)))
     given = read_depth(Path(image), looking.camera_of(read)) if image else None
     found = recognised_in(read, parts, seed, given)
-    status = "found" if isinstance(found.answer, Recognised) and found.answer.best else "refused"
+    status = "found" if found.answer.named else "refused"
     return Told(
         found,
         status,
-        lambda each: ranges.recognised_content(each.answer),
-        lambda each: ranges.recognised_text(each.answer),
+        lambda each: recognition.content(each.answer),
+        lambda each: recognition.text(each.answer),
     )

@@ -122,10 +122,14 @@ def test_parts_are_left_out_when_the_time_is_over(tmp_path: Path, bench: Bench) 
 
 def test_a_place_that_is_not_there_takes_its_argument_along(tmp_path: Path, bench: Bench) -> None:
     text = "pathlib.Path(sys.argv[-1]).write_text(json.dumps({'s': len(sys.argv)}))"
-    part = Part("peers", script(tmp_path, "peers", text), ("--peers={peers}", "{json}"), (), (TIME,))
-    (alone,) = run_all(bench, [part], 10, lambda _: None)
-    (beside,) = run_all(replace(bench, version="v2", peers="python"), [part], 10, lambda _: None)
-    assert (alone.figures["time"], beside.figures["time"]) == (2.0, 3.0)
+    words = ("--peers={peers}", "--cluster={cluster}", "{json}")
+    part = Part("peers", script(tmp_path, "peers", text), words, (), (TIME,))
+    there = ({}, {"peers": "python"}, {"cluster": "host:8786"}, {"peers": "python", "cluster": "host:8786"})
+    told = [
+        run_all(replace(bench, version=f"v{n}", **places), [part], 10, lambda _: None)[0].figures["time"]
+        for n, places in enumerate(there)
+    ]
+    assert told == [2.0, 3.0, 3.0, 4.0]
 
 
 def measured(

@@ -36,7 +36,7 @@ class Edit:
 
 @dataclass(frozen=True, slots=True)
 class Amendment:
-    """A change to a problem: edits of facts, or a goal that is dropped.
+    """A change to a problem: edits of facts, a goal that is dropped, or events (`stages`) that are asked for as well.
 
     `proof` is the number of steps of a checked plan for the changed problem. `missing` leads from the goal
     down to what the edits give.
@@ -46,19 +46,24 @@ class Amendment:
     goal: str = ""
     proof: int = 0
     missing: tuple[str, ...] = ()
+    stages: tuple[Atom, ...] = ()
 
     @property
     def kind(self) -> str:
-        """Such as `add static` or `change initial`; or `drop goal`."""
+        """Such as `add static` or `change initial`; `drop goal` or `add stage`."""
+        if self.stages:
+            return "add stage"
         kinds = dict.fromkeys(f"{edit.verb} {edit.layer}" for edit in self.edits)
         return " and ".join(kinds) if self.edits else "drop goal"
 
     @property
     def facts(self) -> tuple[Atom, ...]:
-        """The fact of each edit."""
-        return tuple(edit.fact for edit in self.edits)
+        """The fact of each edit, or the events that are asked for."""
+        return self.stages or tuple(edit.fact for edit in self.edits)
 
     def __str__(self) -> str:
+        if self.stages:
+            return f"add stage {', '.join(map(str, self.stages))}"
         return ", ".join(map(str, self.edits)) or f"drop goal {self.goal}"
 
 
@@ -67,7 +72,7 @@ class Explanation:
     """Why there is no plan. `status` is feasible, infeasible or unknown.
 
     `goals` is a minimal set of goals that cannot be reached (together, if there are several). `exclusions`
-    are pairs of these that are never true at the same time. `changes` are the smallest ones; each is proved
+    say what is never true at the same time: pairs of these, or needs of the step that would reach the only one. `changes` are the smallest ones; each is proved
     by a plan. `untried` is how many changes that might help were left when a limit was reached. `gaps` say what no operator
     makes true; they are told where no change of facts helps.
     """

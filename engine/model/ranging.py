@@ -1,7 +1,8 @@
 """Values of range images: what a laser ranging tool answers, where surfaces end or turn in it, and patches of it. Metres; radians."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TypeAlias
 
@@ -132,7 +133,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """A part at a pose T_eye_part (4, 4): the pixels that show it, their share of its picture, and the faces that led to it."""
+    """A part at a pose T_eye_part (4, 4): the pixels that show it, their share of its picture, and how many of its faces they show."""
 
     part: str
     T_eye_part: Floats
@@ -142,8 +143,8 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recognised:
-    """The part that is seen. `poses` are those that explain the image equally well, the best first, but for symmetry.
+class Named:
+    """A part that is seen. `poses` are those that explain the image equally well, the best first, but for symmetry.
 
     `equivalent` are the poses that look the same as the best one because the part is symmetric, the best one first.
     """
@@ -154,11 +155,31 @@ class Recognised:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Unrecognised:
-    """No part can be named, and why; `alike` are those that explain the image equally well."""
+class Unclear:
+    """What may be one of several parts, or is a part that is seen elsewhere as well: the best sight of each, the best first."""
 
-    reason: str
-    alike: tuple[Sight, ...] = ()
+    sights: tuple[Sight, ...]
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Their names, in order."""
+        return tuple(sorted(each.part for each in self.sights))
 
 
-Recognising: TypeAlias = Recognised | Unrecognised
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """What is seen and belongs to no part: its pixels, a frame around them, and its middle (x, y, z) in the frame of the eye."""
+
+    pixels: int
+    window: Window
+    middle_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recognised:
+    """The parts that are seen, what is unclear, what belongs to no part, and why each of the other parts is not found."""
+
+    named: tuple[Named, ...] = ()
+    unclear: tuple[Unclear, ...] = ()
+    unexplained: tuple[Unexplained, ...] = ()
+    missing: Mapping[str, str] = field(default_factory=dict)

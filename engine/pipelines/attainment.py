@@ -6,11 +6,12 @@ one that cannot be reached; a chain that waits for another one no longer waits i
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from engine.model.outcome import Found, Infeasible, Outcome
 from engine.model.task import Task
 from engine.pipelines import planning
-from engine.stages.grounding import ground, ground_parts
+from engine.stages.grounding import ground, ground_parts, separable
 from engine.stages.grounding.goals import Parted
 from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
@@ -97,6 +98,10 @@ class _Search:
     limits: Limits
     grounded: dict[Removed, Parted] = field(default_factory=dict)
 
+    @cached_property
+    def _separable(self) -> bool:
+        return separable(self.problem)
+
     def parts(self) -> list[Part]:
         """All goals, whole."""
         conjuncts = [Part(condition=each) for each in goal_parts(self.problem.goal)]
@@ -175,11 +180,12 @@ class _Search:
         return isinstance(plan_task(task, replace(self.limits, improvement=0)), Infeasible)
 
     def _task(self, parts: Sequence[Part], removed: Removed) -> Task:
-        """The ground task of some goals, without some obstacles. For conjuncts alone it is grounded once and asked many times."""
+        """The ground task of some goals, without some obstacles. It is grounded once and asked many times, where that can be."""
         conjuncts = list(goal_parts(self.problem.goal))
         wanted = [conjuncts.index(part.condition) for part in parts if part.condition is not None]
-        if len(wanted) == len(parts):
-            task = self._parted(removed).wanting(wanted)
+        stages = {part.chain.name: part.stages for part in parts if part.chain is not None}
+        if self._separable or not stages:
+            task = self._parted(removed).wanting(wanted, stages)
             if task is not None:
                 return task
         return ground(self.only(parts, self._among(removed)))
@@ -187,8 +193,8 @@ class _Search:
     def _parted(self, removed: Removed) -> Parted:
         found = self.grounded.pop(removed, None)
         if found is None:
-            conjuncts = [part for part in self.parts() if part.chain is None]
-            found = ground_parts(self.only(conjuncts, self._among(removed)))
+            kept = [part for part in self.parts() if self._separable or part.chain is None]
+            found = ground_parts(self.only(kept, self._among(removed)))
         self.grounded[removed] = found
         if len(self.grounded) > KEPT:
             del self.grounded[next(iter(self.grounded))]  # the one that was not asked for longest

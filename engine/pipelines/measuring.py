@@ -28,6 +28,12 @@ class Expected:
     uncertainty: float | None = None
     risk: float | None = None
     worth: float = 0.0  # in the domain's unit of time
+    usual: float = 0.0  # about what is measured where no nominal value is known
+
+    @property
+    def about(self) -> float:
+        """About what a good part gives."""
+        return self.usual if self.nominal is None else self.nominal
 
 
 class Measuring:
@@ -51,9 +57,10 @@ class Measuring:
             lower, upper = nominal - width / 2, nominal + width / 2
         said = [str(substitute(each, bound)) if each is not None else "" for each in (measure.of, measure.by)]
         uncertainty, risk = self._number(measure.uncertainty, bound), self._number(measure.risk, bound)
-        worth = self._number(measure.worth, bound) or 0.0
+        worth, usual = (self._number(each, bound) or 0.0 for each in (measure.worth, measure.usual))
+        limits = (nominal, lower, upper)
         return Expected(
-            said[0], measure.quantity, measure.unit, said[1], nominal, lower, upper, uncertainty, risk, worth
+            said[0], measure.quantity, measure.unit, said[1], *limits, uncertainty, risk, worth, usual
         )
 
     def measured(self, step: Function, reply: Term, at_ms: int) -> Measured | None:

@@ -70,7 +70,19 @@ def some(items: Shape) -> Shape:
 TYPES = each(Role.VARIABLE, TYPE)
 _MEASURES = {
     name: TERM
-    for name in ("of", "value", "by", "nominal", "tolerance", "lower", "upper", "uncertainty", "worth")
+    for name in (
+        "of",
+        "value",
+        "by",
+        "nominal",
+        "tolerance",
+        "lower",
+        "upper",
+        "uncertainty",
+        "risk",
+        "worth",
+        "usual",
+    )
 }
 _COMMAND = Shape(
     keys={"stream": TERM, "reply": TERM, "result": Shape(Role.TERMS), "measures": Shape(keys=_MEASURES)}

@@ -13,8 +13,9 @@ from kb.terms import Number, Term, Variable, variables
 TERMS = ("of", "by", "value")
 NUMBERS = {
     "nominal": "int", "tolerance": "int", "lower": "int", "upper": "int", "uncertainty": "int", "risk": "int", "worth": "time",
+    "usual": "int",
 }  # fmt: skip
-SIGNED = ("nominal", "lower", "upper")
+SIGNED = ("nominal", "lower", "upper", "usual")
 
 
 class MeasureReader:

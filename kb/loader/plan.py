@@ -45,7 +45,7 @@ def load_claimed(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Pl
     problem = read_problem(inner, domain, names, findings)
     plan_reader = Reader(entry, findings, domain.time_unit)
     plan = Plan(tuple(_steps(plan_reader, amounts_of(problem))), tuple(_links(plan_reader)))
-    claims = _claims(plan_reader)
+    claims = _claims(plan_reader, reader.root.descend(("data", "makespan")))
     require(findings)
     return problem, plan, claims
 
@@ -81,8 +81,8 @@ def _step(reader: Reader, node: Node, amounts: Amounts) -> Step:
     )
 
 
-def _claims(reader: Reader) -> Claims:
-    """The starts of steps, the sums and the histories that a file has."""
+def _claims(reader: Reader, answered: Node) -> Claims:
+    """The starts of steps, the sums and the histories that a file has, and what is `answered` about its makespan."""
     starts = {
         StepId(_whole(reader, node.descend(("id",)))): _whole(reader, node.value["start"][1])
         for node in reader.items("steps")
@@ -92,7 +92,11 @@ def _claims(reader: Reader) -> Claims:
         _whole(reader, reader.root.value[name][1]) if name in reader.root.value else None
         for name in ("cost", "makespan")
     )
-    return Claims(starts, cost, makespan, tuple(_happened(reader)))
+    said = answered.value if isinstance(answered.value, dict) else {}
+    told, bound = (
+        _whole(reader, said[name][1]) if name in said else None for name in ("makespan", "lower_bound")
+    )
+    return Claims(starts, cost, makespan, tuple(_happened(reader)), told, bound)
 
 
 def _happened(reader: Reader) -> Iterator[Happened]:

@@ -88,7 +88,8 @@ class Measure:
 
     The value should be `nominal` and lie in a zone as wide as `tolerance` around it, or between `lower` and `upper`. All
     these count `unit`s, and so does `uncertainty`, the expanded one of a value (two standard deviations). `risk` is how many
-    percent of the decisions may be wrong, `worth` is how long it may take to come to a decision.
+    percent of the decisions may be wrong, `worth` is how long it may take to come to a decision. `usual` is about what a value is where no
+    nominal value is known: a simulated part gives it, and nothing is judged by it.
     """
 
     of: Term
@@ -103,6 +104,7 @@ class Measure:
     uncertainty: Term | None = None
     risk: Term | None = None
     worth: Term | None = None
+    usual: Term | None = None
     where: Source = field(default=NOWHERE, compare=False)
 
 

@@ -71,13 +71,16 @@ class Happened:
 class Claims:
     """What a plan file says beside the plan, all of which can be computed; None and empty where it says nothing.
 
-    `starts` are times in the domain's unit.
+    `starts` are times in the domain's unit. `told` is the makespan that the answer around the plan tells, and `bound` the one
+    that no order of the steps is said to stay below.
     """
 
     starts: Mapping[StepId, int] = field(default_factory=dict)
     cost: int | None = None
     makespan: int | None = None
     histories: tuple[Happened, ...] = ()
+    told: int | None = None
+    bound: int | None = None
 
 
 def in_sequence(plan: Plan) -> Plan:

@@ -69,6 +69,10 @@ class MeasuresEntry(Strict):
     risk: str | int | None = Field(
         None, description="how many percent of the decisions may be wrong; 5 if there is an uncertainty"
     )
+    usual: str | int | None = Field(
+        None,
+        description="about what a value is where no nominal value is known: a simulated part gives it; nothing is judged by it",
+    )
     worth: str | int | None = Field(
         None, description="how long further measurements may take for one decision: 2 min; 0 if left out"
     )

@@ -1,18 +1,20 @@
 """A task that was grounded once and is asked for parts of its goal, beside brute force for each of them."""
 
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 from tempfile import TemporaryDirectory
 
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from engine.model.outcome import Found, Infeasible
-from engine.stages.grounding import ground, ground_parts
+from engine.stages.grounding import ground, ground_parts, separable
 from engine.stages.planning import plan
 from kb.diagnostics import InvalidInput
 from kb.model.conditions import And, Condition, goal_parts
-from kb.model.problem import Problem
+from kb.model.domain import Effect, Kind, Predicate
+from kb.model.problem import Chain, Problem
+from kb.terms import Function
 from tests.properties.problems import CONSTANTS, conditions, problems, shortest
 from tests.properties.test_quantities import cases, loaded
 
@@ -52,3 +54,44 @@ def test_parts_of_goals_with_quantities_agree_with_a_task_for_each(case: tuple[s
         assert task is not None
         alone = ground(replace(problem, goal=And((part,))))
         assert type(plan(task)) is type(plan(alone))
+
+
+HAPPENED = [Function("v", (each,)) for each in CONSTANTS]
+STAGES = [*HAPPENED, *(Function(name, (each,)) for name in ("p", "q") for each in CONSTANTS), Function("r")]
+
+
+@st.composite
+def chained(draw: st.DrawFn) -> Problem:
+    """A random problem whose steps let events happen, with two chains of events and fluents."""
+    problem = draw(FAMILIES)
+    happening = st.lists(st.sampled_from(HAPPENED), max_size=1)
+    operators = tuple(
+        replace(each, effects=(*each.effects, *(Effect(event, True) for event in draw(happening))))
+        for each in problem.domain.operators
+    )
+    predicates = {**problem.domain.predicates, "v": Predicate("v", ("thing",), Kind.EVENT)}
+    stages = st.lists(st.sampled_from(STAGES), min_size=1, max_size=3)
+    chains = tuple(Chain(name, tuple(draw(stages))) for name in ("one", "other"))
+    domain = replace(problem.domain, operators=operators, predicates=predicates)
+    return replace(problem, domain=domain, chains=chains)
+
+
+@given(chained())
+@DILIGENT
+def test_chains_up_to_any_stage_agree_with_a_task_for_each(problem: Problem) -> None:
+    assume(separable(problem))
+    try:
+        parted = ground_parts(problem)
+    except InvalidInput:
+        assume(False)
+    parts = range(len(list(goal_parts(problem.goal))))
+    for cut in product(*(range(len(chain.stages) + 1) for chain in problem.chains)):
+        stages = {chain.name: count for chain, count in zip(problem.chains, cut, strict=True) if count}
+        chains = tuple(
+            replace(chain, stages=chain.stages[: stages[chain.name]])
+            for chain in problem.chains
+            if chain.name in stages
+        )
+        task = parted.wanting(parts, stages)
+        assert task is not None
+        assert type(plan(task)) is type(plan(ground(replace(problem, chains=chains))))

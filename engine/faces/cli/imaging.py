@@ -1,4 +1,4 @@
-"""`cellwright measurement image` and `recognise`: the range image of a measurement, and which part an image shows."""
+"""`cellwright measurement image` and `recognise`: the range image of a measurement, and which parts an image shows."""
 
 from pathlib import Path
 from typing import Annotated
@@ -42,7 +42,7 @@ Wrapped = Annotated[
 Picture = Annotated[Path | None, typer.Option("--picture", help="write a picture there, as .png")]
 Parts = Annotated[
     list[str] | None,
-    typer.Option("--part", help="a part that it may be; all parts of the scene if none is given"),
+    typer.Option("--part", help="a part to look for; all parts of the scene if none is given"),
 ]
 
 
@@ -75,7 +75,7 @@ def recognise(
     picture: Picture = None,
     format: Format = Form.TEXT,
 ) -> None:
-    """Tell which part of a scene is seen, by the angles, distances and areas of its faces, and where it is."""
+    """Tell which parts of a scene are seen, by the angles, distances and edges of their faces, and where they are; and what is none of them."""
     give(lambda: _recognise(scene, part or [], image, seed, picture), format)
 
 
@@ -124,8 +124,7 @@ def _recognise(scene: str, parts: list[str], path: Path | None, seed: int, pictu
     from engine.faces.cli.written import write
     from engine.formats.interop.depth_files import read_depth
     from engine.formats.report import depth_picture
-    from engine.formats.report import ranges as report
-    from engine.model.ranging import Recognised
+    from engine.formats.report import recognition as report
     from engine.pipelines.placing import looking
     from engine.pipelines.placing.recognising import recognised_in
     from kb.loader.scene import load_scene
@@ -135,12 +134,12 @@ def _recognise(scene: str, parts: list[str], path: Path | None, seed: int, pictu
     given = read_depth(path, looking.camera_of(read)) if path else None
     seen = recognised_in(read, parts, seed, given)
     found = seen.answer
-    best = found.best if isinstance(found, Recognised) else None
-    solid = seen.models[best.part].solid if best else None
-    write(picture, lambda: depth_picture.picture(seen.image, solid, best.T_eye_part if best else None))
+    drawn = [(seen.models[each.best.part].solid, each.best.T_eye_part) for each in found.named]
+    notes = [(each.window, "no part") for each in found.unexplained]
+    write(picture, lambda: depth_picture.picture(seen.image, drawn, notes=notes))
     return Answer(
-        "found" if best else "refused",
-        report.recognised_content(found),
-        lambda: report.recognised_text(found),
-        0 if best else FINDINGS,
+        "found" if found.named else "refused",
+        report.content(found),
+        lambda: report.text(found),
+        0 if found.named else FINDINGS,
     )

@@ -96,11 +96,11 @@ def _list(target: str) -> Answer:
 
     from engine.formats.report.inspection import entry, parts
     from engine.formats.report.rows import TextTable
-    from engine.pipelines.inspection import partition
+    from engine.pipelines.inspection.arms import divided
     from engine.pipelines.planning import problem_of
     from engine.pipelines.points import with_places
 
-    found = partition(with_places(problem_of(target)))
+    found = divided(with_places(problem_of(target)))
     rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]
     rows += [(name, "done", "") for name in found.done]
     rows += [(name, "-", reason) for name, reason in found.impossible.items()]

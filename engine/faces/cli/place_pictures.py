@@ -46,8 +46,8 @@ def _depth(scene: "Scene", part: str, looked: "Looked", hands: "Hands" = (), edg
 
     best = looked.sightings[part].best
     shown = edges_of(looked) if edges else ()
-    T = best.T_camera_part if best else None
-    return picture(looked.image, solid_of(scene.cell.bodies[part]), T, hands, shown)
+    parts = [(solid_of(scene.cell.bodies[part]), best.T_camera_part)] if best else []
+    return picture(looked.image, parts, hands, shown)
 
 
 def _hands(found: "Placed", looked: "Looked") -> "Hands":

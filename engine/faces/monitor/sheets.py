@@ -16,8 +16,8 @@ from engine.formats.interop.inspections import import_file, rewrite
 from engine.formats.interop.measurements import atoms
 from engine.kernels.linear import matmul
 from engine.model.measurement import MeasurementPoint
-from engine.model.measurements import measurements_of
-from engine.pipelines.inspection import partition
+from engine.model.measurements import is_shared, measurements_of
+from engine.pipelines.inspection.arms import OR, divided
 from engine.pipelines.points import points
 from engine.pipelines.poses import known_poses
 from engine.plugins import geometry_backend
@@ -246,7 +246,10 @@ class Part:
 
 
 def verdict(path: str, given: Mapping[str, Any]) -> tuple[bool, str]:
-    """Whether a point can be measured, and with which tool from where, or why not. Raises `InvalidInput`."""
+    """Whether a point can be measured, and with which tool from where, or why not; with which tools of several arms.
+
+    Raises `InvalidInput`.
+    """
     problem, point = _loaded(path, Path(path).stat().st_mtime_ns), read_point(given)
     words = problem.domain.conventions
     others = {*measurements_of(problem)}
@@ -256,15 +259,17 @@ def verdict(path: str, given: Mapping[str, Any]) -> tuple[bool, str]:
     alone = replace(
         problem, objects={**objects, point.name: words.measurement}, statics=tuple(facts), goal=TRUE
     )
-    parts = partition(alone)
+    parts = divided(alone)
     if point.name in parts.impossible:
         return False, parts.impossible[point.name]
     tool = next((tool for tool, names in parts.groups.items() if point.name in names), "")
+    instead = f", not by {point.tool}, which cannot" if point.tool not in ("", *tool.split(OR)) else ""
+    if is_shared(alone):  # whether some arm reaches it has been found out already
+        return True, f"by {tool}{instead}"
     found = known_poses(alone, cell_of(path), geometry_backend())
     if (reason := found.unreached().get(point.name)) is not None:
         return False, f"by {tool}: {reason}"
     stations = found.stations().get(point.name, ())
-    instead = f", not by {point.tool}, which cannot" if point.tool not in ("", tool) else ""
     return True, f"by {tool}" + (f" from {', '.join(stations)}" if stations else "") + instead
 
 

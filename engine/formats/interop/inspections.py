@@ -8,9 +8,9 @@ from engine.formats.interop import editing
 from engine.formats.interop.measurements import all_facts, names, problem_text
 from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
-from engine.model.measurements import is_shared, measurements_of
-from engine.pipelines.inspection import Partition, partition, require_choice
-from engine.pipelines.inspection.arms import by_arms
+from engine.model.measurements import measurements_of
+from engine.pipelines.inspection import Partition, require_choice
+from engine.pipelines.inspection.arms import divided
 from engine.pipelines.points import points, with_places
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
@@ -45,9 +45,7 @@ def import_file(
     left_out = sorted({fact.name for fact in told} - {*cell.predicates})
     inspection = replace(inspection, left_out=tuple(left_out), strange=strange)
     problem = _problem(inspection, cell, facts)
-    parts = partition(problem)
-    if is_shared(problem):
-        parts = by_arms(problem, parts)
+    parts = divided(problem)
     possible = {name for names in parts.groups.values() for name in names}
     kept = _attainable(facts, possible, cell)
     wanted = [name for name in names(inspection) if name in possible]

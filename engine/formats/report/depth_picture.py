@@ -1,4 +1,4 @@
-"""A depth image as a picture: near is light, far is dark, nothing is blue; the edges of a part are drawn over it."""
+"""A depth image as a picture: near is light, far is dark, nothing is blue; the edges of parts are drawn over it."""
 
 import io
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ from PIL import Image, ImageDraw
 
 from engine.kernels.rigid import apply
 from engine.model.geometry import Floats
+from engine.model.ranging import Window
 from engine.model.solid import Solid
 from engine.model.vision import DepthImage
 
@@ -21,16 +22,16 @@ Hands = Sequence[tuple[Floats, float, bool]]
 
 def picture(
     image: DepthImage,
-    solid: Solid | None = None,
-    T_camera_part: Floats | None = None,
+    parts: Sequence[tuple[Solid, Floats]] = (),
     hands: Hands = (),
     edges: Sequence[tuple[Floats, Floats]] = (),
+    notes: Sequence[tuple[Window, str]] = (),
 ) -> bytes:
-    """The PNG of a depth image, with the edges of a solid at a pose (4, 4), if there is one.
+    """The PNG of a depth image, with the edges of solids at poses T_camera_part (4, 4).
 
     Each of `hands` is a pose T_camera_hand (4, 4), the width to which it closes, and whether it is the chosen one. It is drawn as
     the line between its pads, and one back to the hand; the chosen one is yellow, all others are green. `edges` that were found in the
-    image, each with both ends (2,) as (u, v), are cyan.
+    image, each with both ends (2,) as (u, v), are cyan. `notes` are frames with what is said of them.
     """
     depth = image.depth
     seen = depth > 0
@@ -41,8 +42,8 @@ def picture(
     for one, other in edges:
         line = [(float(one[0]), float(one[1])), (float(other[0]), float(other[1]))]
         ImageDraw.Draw(drawn).line(line, fill=FOUND, width=3)
-    if solid is not None and T_camera_part is not None:
-        pen = ImageDraw.Draw(drawn)
+    pen = ImageDraw.Draw(drawn)
+    for solid, T_camera_part in parts:
         for facet in solid.facets:
             for ends in facet.edges:
                 u, v = image.camera.pixels(apply(T_camera_part, ends))
@@ -53,6 +54,10 @@ def picture(
         u, v = image.camera.pixels(apply(T, ends))
         hand = [(float(x), float(y)) for x, y in zip(u, v, strict=True)]
         ImageDraw.Draw(drawn).line(hand, fill=CHOSEN if chosen else POSSIBLE, width=LONG if chosen else SHORT)
+    for window, said in notes:
+        pen = ImageDraw.Draw(drawn)
+        pen.rectangle((window.left, window.top, window.right, window.bottom), outline=CHOSEN)
+        pen.text((window.left + 3, window.top + 2), said, fill=CHOSEN)
     made = io.BytesIO()
     drawn.save(made, "PNG")
     return made.getvalue()

@@ -38,7 +38,7 @@ def explanation(found: Explanation) -> Text:
         lines.append(
             "An operator is missing, or its constraints never hold: no change of one fact would help."
         )
-    elif not any(change.edits for change in found.changes):
+    elif not any(change.edits or change.stages for change in found.changes):
         lines.append("No change of one fact would help, and none of two or three facts was found.")
     for number, change in enumerate(found.changes):
         steps = f"{change.proof} step{'' if change.proof == 1 else 's'}"
@@ -57,6 +57,8 @@ def said(change: Amendment) -> str:
     """A change in words."""
     if change.goal:
         return f"without the goal {change.goal}"
+    if change.stages:
+        return f"if {' and '.join(map(str, change.stages))} were asked for as well"
     kinds: dict[str, list[str]] = {}
     for edit in change.edits:
         way = _SAID[f"{edit.verb} {edit.layer}"][1]

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from engine.formats.report import fits
 from engine.model.fits import Fit, Fitting, Related
-from engine.model.ranging import EdgeKind, Edges, RangeImage, Recognised, Recognising, Window
+from engine.model.ranging import EdgeKind, Edges, RangeImage, Window
 from engine.pipelines.dimensions.surfaces import MeasuredSurface
 
 NOTHING = (70, 90, 160)
@@ -127,35 +127,4 @@ def dimensions_content(
         "between": {name: fits.related(each) for name, each in between.items()},
         "edges": {kind.name.lower(): int(edges.on(kind).sum()) for kind in COLOURS},
         "refused": sorted(name for name, each in found.items() if not isinstance(each, Fit)),
-    }
-
-
-def recognised_text(found: Recognising) -> Text:
-    """The part that is seen and where, or why none can be named."""
-    if not isinstance(found, Recognised):
-        return Text(f"no part is recognised: {found.reason}")
-    best = found.best
-    at = ", ".join(f"{1e3 * each:.1f}" for each in best.T_eye_part[:3, 3])
-    lines = [
-        f"{best.part}, by {best.faces} faces; {best.shown:.0%} of it is seen",
-        f"its origin is at ({at}) mm from the eye",
-    ]
-    if len(found.equivalent) > 1:
-        lines.append(f"it is symmetric: {len(found.equivalent)} poses look the same")
-    if len(found.poses) > 1:
-        lines.append(f"{len(found.poses)} poses explain the image equally well")
-    return Text("\n".join(lines))
-
-
-def recognised_content(found: Recognising) -> dict[str, Any]:
-    """The same as plain values, in metres."""
-    if not isinstance(found, Recognised):
-        return {"reason": found.reason, "alike": sorted({each.part for each in found.alike})}
-    return {
-        "part": found.best.part,
-        "T_eye_part": found.best.T_eye_part.tolist(),
-        "faces": found.best.faces,
-        "shown": found.best.shown,
-        "poses": [each.tolist() for each in found.poses],
-        "equivalent": [each.tolist() for each in found.equivalent],
     }

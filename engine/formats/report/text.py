@@ -32,7 +32,7 @@ def outcome(result: Outcome, problem: Problem, timetable: Timetable | None = Non
         case Found(plan):
             return plan_table(plan, problem, timetable)
         case Infeasible(reason):
-            return Text(f"No plan exists: {reason}.")
+            return Text(f"No plan exists: {reason}. `cellwright explain` tells what would allow one.")
         case GaveUp(reason):
             return Text(f"Gave up: {reason}.")
 

@@ -13,6 +13,8 @@ from engine.model.wording import counted
 from engine.pipelines import planning
 from engine.pipelines.explanation.advice import Advice
 from engine.pipelines.explanation.amendments import changed
+from engine.pipelines.explanation.companions import companions
+from engine.pipelines.explanation.conflicts import conflicts
 from engine.pipelines.explanation.culprits import Goal, exclusions, minimal_goals, only
 from engine.pipelines.explanation.gaps import gaps
 from engine.pipelines.explanation.space import Space
@@ -52,6 +54,7 @@ class _Inquiry:
         initial = tuple(a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage"))
         trial = replace(self.limits, expansions=min(self.limits.expansions, TRIAL))
         space = Space.of(self.problem, initial)
+        excluded = tuple(self._exclusions(goals, space))  # before the long search, which a limit may end
         advice = Advice(
             space,
             self.problem,
@@ -59,19 +62,30 @@ class _Inquiry:
             lambda each: self._planned(each, trial),
             self.limits.interrupted,
         )
-        changes = [self._told(change, found) for change, found in advice.smallest()]
+        asked = companions(self.problem, goals, advice.planned)
+        changes = [self._told(change, found) for change, found in (*asked, *advice.smallest())]
         lacking = () if changes or advice.untried else tuple(gaps(only(self.problem, goals), space))
         if len(goals) > 1 or not changes:
             changes += self._drops(goals)
         return Explanation(
             "infeasible",
             tuple(map(str, goals)),
-            tuple(exclusions(self.problem, goals)),
+            excluded,
             tuple(changes),
             reason,
             advice.untried,
             lacking,
         )
+
+    def _exclusions(self, goals: Sequence[Goal], space: Space) -> Iterator[str]:
+        """What is never true at once: two goals, or needs of the step that would reach the only one."""
+        if len(goals) > 1:
+            yield from exclusions(self.problem, goals)
+        elif space.reachable:
+            trial = replace(self.limits, expansions=min(self.limits.expansions, TRIAL))
+            yield from conflicts(
+                self.problem, goals[0], space, lambda each: isinstance(self._planned(each, trial), Infeasible)
+            )
 
     def _drops(self, goals: Sequence[Goal]) -> Iterator[Amendment]:
         """The goals without any one of which there is a plan. A chain is dropped whole."""

@@ -1,4 +1,4 @@
-"""Problems with changes made: facts added, removed and replaced, objects too, and goals dropped."""
+"""Problems with changes made: facts added, removed and replaced, objects too, goals dropped, and events asked for."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
@@ -17,6 +17,8 @@ def changed(problem: Problem, change: Amendment) -> Problem:
     """The problem with a change made."""
     for edit in change.edits:
         problem = edited(problem, edit)
+    asked = tuple(Chain(str(stage), (stage,)) for stage in change.stages)
+    problem = replace(problem, chains=(*problem.chains, *asked))
     return without_goal(problem, change.goal) if change.goal else problem
 
 

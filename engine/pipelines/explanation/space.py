@@ -15,7 +15,7 @@ from kb.model.domain import NUMERIC_TYPES, Kind
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
 from kb.model.statement import Signature
-from kb.terms import Atom, Function, Number, Term, Text
+from kb.terms import Atom, Function, Number, Term, Text, match
 
 SMALL = 10  # numbers up to this one are tried wherever a number stands
 
@@ -65,6 +65,15 @@ class Space:
     def rows(self, signature: Signature) -> tuple[tuple[Term, ...], ...]:
         """The argument tuples of the true atoms of a predicate."""
         return self.atoms.get(signature, ())
+
+    def misses(self, atom: Atom) -> bool:
+        """Whether a fluent or event is out of reach, even if nothing is ever denied."""
+        declared = self.problem.domain.predicates.get(atom.name)
+        if declared is None or declared.kind not in (Kind.FLUENT, Kind.EVENT):
+            return False
+        name = f"{'_h' if declared.kind is Kind.EVENT else '_r'}_{atom.name}"
+        rows = self.rows((name, len(atom.arguments)))
+        return all(match(atom, Function(atom.name, row), {}) is None for row in rows)
 
     @cached_property
     def statics(self) -> tuple[Signature, ...]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
-from engine.model.measurements import arms_of, named
-from engine.pipelines.inspection import Partition
+from engine.model.measurements import arms_of, is_shared, named
+from engine.pipelines.inspection import Partition, partition
 from kb.asp.statics import evaluated
 from kb.loader.cell import load_cell
 from kb.model.cell import Cell
@@ -19,6 +19,7 @@ from kb.model.problem import Problem
 from kb.targets import CELL_FILE
 from kb.terms import Function
 
+OR = " or "  # between the names of tools
 MOST_WAYS = 64  # to give tools to arms that are compared
 
 Able = Mapping[str, Mapping[str, str]]  # for each arm the measurements that it can make, each with its tool
@@ -61,14 +62,20 @@ def offers(problem: Problem, parts: Partition, gone: Collection[str] = ()) -> Of
     return Offers(best, out)
 
 
-def by_arms(problem: Problem, parts: Partition) -> Partition:
+def divided(problem: Problem) -> Partition:
+    """The measurements by tool; where several arms share them, by the tools of all arms that can make them. Raises `InvalidInput`."""
+    parts = partition(problem)
+    return _by_arms(problem, parts) if is_shared(problem) else parts
+
+
+def _by_arms(problem: Problem, parts: Partition) -> Partition:
     """The measurements by the tools of all arms that can make them; what no arm can is impossible, with the reason."""
     found, tools = offers(problem, parts), dict[str, set[str]]()
     for name, tool in (each for way in found.ways for own in way.values() for each in own.items()):
         tools.setdefault(name, set()).add(tool)
     groups = dict[str, list[str]]()
     for name in (name for own in parts.groups.values() for name in own if name in tools):
-        groups.setdefault(" or ".join(sorted(tools[name])), []).append(name)
+        groups.setdefault(OR.join(sorted(tools[name])), []).append(name)
     said = {tools: tuple(groups[tools]) for tools in sorted(groups)}
     return replace(parts, groups=said, impossible={**parts.impossible, **found.impossible})
 

@@ -72,7 +72,7 @@ def look(scene: Scene, world: World, parts: Sequence[str], seed: int, given: Flo
     known = depth_image(scene, world, camera, {*parts, *scene.clutter}).depth
     same = (known > 0) & (np.abs(image.depth - known) < KNOWN * max(image.noise_m, 1e-6))
     T_world_camera = camera_pose(scene, world)
-    ground = Ground(same, (_floor(scene, world, T_world_camera),))
+    ground = Ground(same, (floor(scene, world, T_world_camera),))
     found = {part: locate(Model(solid_of(world.cell.bodies[part])), image, ground) for part in parts}
     if scene.calibrated is not None:
         known_by = np.array(scene.calibrated.covariance)
@@ -123,7 +123,7 @@ def table_pose(scene: Scene, world: World) -> Floats:
     return found
 
 
-def _floor(scene: Scene, world: World, T_world_camera: Floats) -> Floats:
+def floor(scene: Scene, world: World, T_world_camera: Floats) -> Floats:
     """The plane of the table (4,) in the camera's frame."""
     T = inverse(T_world_camera) @ table_pose(scene, world)
     return np.append(T[:3, 2], T[:3, 2] @ T[:3, 3])

@@ -1,4 +1,4 @@
-"""Which part of a scene its camera sees."""
+"""Which parts of a scene its camera sees."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.model.ranging import Recognising
+from engine.model.ranging import Recognised
 from engine.model.vision import DepthImage
-from engine.pipelines.placing.looking import KNOWN, camera_of, depth_image
+from engine.pipelines.placing.looking import KNOWN, camera_of, camera_pose, depth_image, floor
 from engine.stages.geometry.shapes.solids import solid_of
 from engine.stages.geometry.world.model import World
 from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.images import Sensor, disturbed
+from engine.stages.vision.localisation import Ground
 from engine.stages.vision.recognition import recognised
 from kb.diagnostics import InvalidInput, Source, unknown_name
 from kb.model.cell import BodyKind
@@ -23,13 +24,13 @@ from kb.model.scene import Scene
 class Seen:
     """What was recognised, in which image, among which parts."""
 
-    answer: Recognising
+    answer: Recognised
     image: DepthImage
     models: Mapping[str, Model]
 
 
 def recognised_in(scene: Scene, parts: Sequence[str], seed: int, given: Floats | None = None) -> Seen:
-    """The part that is seen in an image: one `given` (height, width) in metres, else one made from the scene.
+    """The parts that are seen in an image: one `given` (height, width) in metres, else one made from the scene.
 
     `parts` are the candidates; without them all parts of the scene are. All other bodies stand where the scene says. Raises `InvalidInput`.
     """
@@ -46,4 +47,5 @@ def recognised_in(scene: Scene, parts: Sequence[str], seed: int, given: Floats |
     without = depth_image(scene, world, camera, {*own, *scene.clutter}).depth
     known = (without > 0) & (np.abs(image.depth - without) < KNOWN * max(scene.camera.noise_m, 1e-6))
     models = {name: Model(solid_of(scene.cell.bodies[name])) for name in parts or own}
-    return Seen(recognised(models, image, known), image, models)
+    ground = Ground(known, (floor(scene, world, camera_pose(scene, world)),))
+    return Seen(recognised(models, image, ground), image, models)

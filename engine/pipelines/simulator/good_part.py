@@ -17,13 +17,15 @@ class GoodPart:
         self._measuring, self._seed = Measuring(problem), seed
 
     def value(self, step: Function, time: int) -> str:
-        """What a step measures the n-th time it is taken; a number near to zero if it has no nominal value."""
-        nominal, scatter = self._usual(step)
-        return str(round(nominal + random.Random(f"{self._seed} {step} {time}").gauss(0, scatter)))
+        """What a step measures the n-th time it is taken: near to the nominal value, else to what is usual."""
+        middle, scatter = self._usual(step)
+        return str(round(middle + random.Random(f"{self._seed} {step} {time}").gauss(0, scatter)))
 
     def _usual(self, step: Function) -> tuple[float, float]:
         asked = self._measuring.expected(step)
-        if asked is None or asked.nominal is None:
+        if asked is None:
             return 0.0, SCATTER
+        if asked.nominal is None:
+            return asked.usual, SCATTER
         ways = [abs(each - asked.nominal) for each in (asked.lower, asked.upper) if each is not None]
         return asked.nominal, min([SCATTER, *(SHARE * each for each in ways)])

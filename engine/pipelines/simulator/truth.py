@@ -68,11 +68,11 @@ class Truth:
         return str(round(found)) if asked.unit in ("um", "nm") else f'"{found:.4f}"'
 
     def _true(self, asked: Expected, part: Part) -> float:
-        point, nominal = self._points.get(asked.of), asked.nominal or 0.0
+        point = self._points.get(asked.of)
         if point is None or point.kind != PROFILE or asked.unit not in METRES:
-            return self.values.get(asked.of, nominal)
+            return self.values.get(asked.of, asked.about)
         off_m = self.values.get(asked.of, 0.0) * METRES[asked.unit]
-        return nominal + self._met(point, off_m, believed(part)) / METRES[asked.unit]
+        return (asked.nominal or 0.0) + self._met(point, off_m, believed(part)) / METRES[asked.unit]
 
     def _met(self, point: MeasurementPoint, off_m: float, T: Floats) -> float:
         """How far (m) along the believed normal the true surface is from the believed point."""

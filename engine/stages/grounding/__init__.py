@@ -24,7 +24,7 @@ from engine.stages.grounding.levels import Numbers, with_tests
 from engine.stages.grounding.limits import suspects
 from engine.stages.grounding.numbering import DERIVED, Numbering, complemented
 from engine.stages.grounding.numeric import COMPARED, without_quantities
-from engine.stages.grounding.program import Vocabulary, conditionals, instance, rule, schemas
+from engine.stages.grounding.program import Vocabulary, conditionals, instance, is_conditional, rule, schemas
 from engine.stages.grounding.reachability import Reachability
 from engine.stages.grounding.rows import (
     conditional_changes,
@@ -44,10 +44,10 @@ from kb.cycles import no_search_for_cycles
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.loader.amounts import amounts_of
 from kb.model.conditions import Literal, goal_parts
-from kb.model.domain import Rule
+from kb.model.domain import Kind, Rule
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
-from kb.model.workflow import Listed, holding
+from kb.model.workflow import Listed, holding, late_stages
 from kb.terms import Atom, Function
 
 Made = TypeVar("Made", Task, Parted)
@@ -63,11 +63,28 @@ def ground(problem: Problem) -> Task:
 
 
 def ground_parts(problem: Problem) -> Parted:
-    """The ground task of a problem without workflow, to be asked for each conjunct of its goal by itself.
+    """The ground task of a problem whose goals are `separable`, to be asked for each conjunct and chain by itself.
 
-    The other conjuncts change which atoms have a number, but not what can be reached. Raises as `ground` does.
+    The other goals change which atoms have a number, but not what can be reached: the steps that move other chains are left
+    out. Raises as `ground` does.
     """
     return _grounded(problem, _Grounding.parts)
+
+
+def separable(problem: Problem) -> bool:
+    """Whether each chain can be left out by leaving out the steps that move it.
+
+    That is not so where chains wait for others, where no step may reach a stage before its turn, and where a step does
+    something to whatever is there: then a chain that is not wanted changes what steps need.
+    """
+    events = {name for name, each in problem.domain.predicates.items() if each.kind is Kind.EVENT}
+    batches = any(
+        is_conditional(effect) and effect.atom.name in events
+        for operator in problem.domain.operators
+        for effect in operator.effects
+    )
+    waiting = any(chain.after for chain in problem.chains)
+    return not (batches or waiting or late_stages(problem.chains, problem.domain))
 
 
 def _grounded(problem: Problem, made: Callable[["_Grounding"], Made]) -> Made:
@@ -177,7 +194,7 @@ class _Grounding:
             rules,
             numbering,
         )
-        return Parted(task, single)
+        return Parted(task, single, dict(workflow.counted(universe)) if apart else {})
 
     def _with_axioms(
         self, compiled: "_Compiled", universe: Universe, rules: Rules, numbering: Numbering

@@ -8,7 +8,7 @@ way, too. Where derived atoms stay in the task, a conjunct that can be met in se
 """
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 
@@ -20,23 +20,46 @@ from engine.stages.grounding.universe import Universe
 from kb.terms import Atom, Function, Number
 
 MAX_ALTERNATIVES = 64
+NO_STAGES: Mapping[str, int] = {}
 RUNNING, ENDED = Function("_running"), Function("_ended")
 
 
 @dataclass(frozen=True, slots=True)
+class Counted:
+    """A chain: the bit of each count of its stages, how many are reached at the start, and what has to hold at the end of
+    each number of stages.
+    """
+
+    bits: tuple[Bits, ...]
+    begun: int
+    lasting: tuple[Bits, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Parted:
-    """A ground task without goals, and the ways to satisfy each conjunct of its problem's goal."""
+    """A ground task without goals, the ways to satisfy each conjunct of its problem's goal, and its chains by their names."""
 
     task: Task
     ways: tuple[tuple[Bits, ...], ...]
+    chains: Mapping[str, "Counted"] = field(default_factory=dict)
 
-    def wanting(self, parts: Sequence[int]) -> Task | None:
-        """The task with some of the conjuncts as its goal; None if there are too many combinations of their ways."""
+    def wanting(self, parts: Sequence[int], stages: Mapping[str, int] = NO_STAGES) -> Task | None:
+        """The task with some of the conjuncts as its goal, and with chains up to so many `stages`; the others do not move.
+
+        None if there are too many combinations of the ways of conjuncts.
+        """
         chosen = [self.ways[each] for each in parts]
         if prod(map(len, chosen)) > MAX_ALTERNATIVES:
             return None
-        goals = dict.fromkeys(_union(choice) for choice in itertools.product(*chosen))
-        return replace(self.task, goals=tuple(goals))
+        counts = {name: max(stages.get(name, 0), each.begun) for name, each in self.chains.items()}
+        beyond = _union(b for name, each in self.chains.items() for b in each.bits[counts[name] + 1 :])
+        ends = _union(self.chains[name].bits[counts[name]] for name in stages)
+        ends |= _union(self.chains[name].lasting[number] for name, number in stages.items())
+        goals = dict.fromkeys(ends | _union(choice) for choice in itertools.product(*chosen))
+        operators = self.task.operators
+        if beyond:
+            operators = tuple(each for each in operators if not each.adds & beyond)
+        return replace(self.task, operators=operators, goals=tuple(goals))
 
 
 @dataclass

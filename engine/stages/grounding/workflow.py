@@ -7,10 +7,11 @@ operator without cost moves the counter then. To reach it as soon as possible is
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from engine.model.stages import reaching, stage_atom
 from engine.model.task import Bits, GroundOperator, bitset
+from engine.stages.grounding.goals import Counted
 from engine.stages.grounding.universe import Universe
 from kb.model.problem import Chain, Problem
 from kb.model.workflow import Holds, begun, lasting, reaches
@@ -65,9 +66,9 @@ class Workflow:
         self._event_stages: dict[Atom, list[Advance]] = {}
         self._finished: dict[str, Bits] = {}
         self._lasting = lasting(problem.chains, problem.domain)
-        counts = begun(problem.chains, start)
+        self._domain, self.begun = problem.domain, begun(problem.chains, start)
         for chain in problem.chains:
-            self._add(chain, counts[chain.name], universe, first)
+            self._add(chain, self.begun[chain.name], universe, first)
 
     def _add(self, chain: Chain, count: int, universe: Universe, first: int) -> None:
         start = first + len(self.atoms)
@@ -92,6 +93,21 @@ class Workflow:
         if chain.name in self._lasting:
             for last in self._lasting[chain.name]:
                 self.goal |= bitset(matching(last, universe))
+
+    def counted(self, universe: Universe) -> Iterator[tuple[str, Counted]]:
+        """Each chain that waits for no other one, with what has to hold at the end if it is cut after so many stages."""
+        for course in self.courses:
+            chain, ends = course.chain, [0]
+            for number in range(1, len(chain.stages) + 1):
+                cut = replace(chain, stages=chain.stages[:number], after=())
+                atoms = (
+                    n
+                    for last in lasting([cut], self._domain).values()
+                    for each in last
+                    for n in matching(each, universe)
+                )
+                ends.append(bitset(atoms))
+            yield chain.name, Counted(course.counters, self.begun[chain.name], tuple(ends))
 
     def _reach(self, advance: Advance, chain: Chain, count: int, choices: Iterable[tuple[int, ...]]) -> None:
         """The internal operators that move a chain to a count while all atoms of some choice hold."""

@@ -8,7 +8,9 @@ arithmetic (`kb.arithmetic`), what clingo derives from the static rules (`kb.asp
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
+from engine.model.stages import stage_atom
 from engine.stages.validation.changes import StepChange
 from engine.stages.validation.claims import false_claims
 from engine.stages.validation.datalog import holds
@@ -23,7 +25,7 @@ from kb.diagnostics import Diagnostic, Source
 from kb.model.amounts import NoAmount
 from kb.model.conditions import And, Condition, Literal, literals
 from kb.model.domain import Operator
-from kb.model.plan import GOAL, START, Claims, Plan, Step, StepId
+from kb.model.plan import GOAL, START, CausalLink, Claims, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Substitution, Term, substitute, substitute_atom
 
@@ -49,6 +51,7 @@ class _Check:
         self.found: list[Diagnostic] = []
         self.executed: dict[StepId, Executed] = {}
         self.final = Facts()
+        self.amounts: dict[StepId, tuple[int, int]] = {}
 
     def run(self, claims: Claims | None) -> list[Diagnostic]:
         if not self._well_formed():
@@ -64,8 +67,21 @@ class _Check:
             if claims is not None:
                 self._report_all("K504", links.idle())
                 self._report_all("K508", self._held_more())
-                self._report_all("K508", false_claims(self.problem, self.plan, claims))
+                self._report_all("K508", false_claims(self.problem, self._as_it_is(), claims))
         return self.found
+
+    def _as_it_is(self) -> Plan:
+        """The plan with the durations and costs that its steps really have; where it has no links, with those of its stages."""
+        steps = tuple(
+            replace(each, duration=self.amounts[each.id][0], cost=self.amounts[each.id][1])
+            for each in self.plan.steps
+        )
+        links = self.plan.links or tuple(
+            CausalLink(each.step, stage_atom(chain, number), GOAL)
+            for chain in self.problem.chains
+            for number, each in enumerate(self.stages.reached()[chain.name], 1)
+        )
+        return Plan(steps, links)
 
     def _report_all(self, code: str, messages: Iterable[str]) -> None:
         for message in messages:
@@ -161,6 +177,7 @@ class _Check:
                 return False
             if value != claimed:
                 self._report("K508", f"{said} has the {name} {value}, not {claimed}")
+        self.amounts[step.id] = (numbers["duration"][0], numbers["cost"][0])
         if set(expected) - set(step.resources):
             self._report("K501", f"{said} must hold {_listed(expected)}")
             return False

@@ -14,8 +14,11 @@ def false_claims(problem: Problem, plan: Plan, claims: Claims) -> Iterator[str]:
     starts = times(plan, claims)
     yield from _early(plan, starts)
     last = makespan(plan, starts)
-    if claims.makespan not in (None, last):
-        yield f"the makespan is {last}, not {claims.makespan}"
+    for claimed in dict.fromkeys((claims.makespan, claims.told)):
+        if claimed not in (None, last):
+            yield f"the makespan is {last}, not {claimed}"
+    if claims.bound is not None and claims.bound > last:
+        yield f"the makespan is {last}, so it is less than its lower bound {claims.bound}"
     if claims.cost not in (None, plan.cost):
         yield f"the cost is {plan.cost}, not {claims.cost}"
     if claims.histories and claims.histories != (done := _happened(problem, plan, starts)):

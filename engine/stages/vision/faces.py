@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats, Truths
+from engine.model.geometry import Floats
 from engine.model.solid import Solid
 from engine.model.vision import DepthImage
-from engine.stages.vision.outlines import Region, regions_of
+from engine.stages.vision.outlines import Region
 
 SMALL = 0.01  # of a solid's surface: smaller facets are not looked for
 SPREAD = 60  # points that stand for a face
@@ -29,12 +29,8 @@ class Face:
     number: int = -1
 
 
-def faces_seen(image: DepthImage, known: Truths) -> list[Face]:
-    """The plane faces of an image, the largest first, in the frame of the camera; pixels that are `known` belong to none."""
-    return [_seen(image, each) for each in regions_of(image, known)]
-
-
-def _seen(image: DepthImage, region: Region) -> Face:
+def face_of(image: DepthImage, region: Region) -> Face:
+    """A plane region of an image as a face, in the frame of the camera."""
     points = np.column_stack([region.inside, np.full(len(region.inside), region.offset)]) @ region.axes.T
     # A pixel covers depth^3 / (focal^2 |offset|) of a plane.
     covered = points[:, 2] ** 3 / (image.camera.focal_px**2 * abs(region.offset))

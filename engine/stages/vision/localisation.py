@@ -10,7 +10,7 @@ from engine.kernels.rigid import apply, difference
 from engine.model.geometry import Floats, Truths
 from engine.model.vision import DepthImage, Hypothesis, Located, NotLocated, Sighting
 from engine.stages.vision.hypotheses import Model, hypotheses
-from engine.stages.vision.outlines import regions_of
+from engine.stages.vision.outlines import Region, regions_of
 from engine.stages.vision.refinement import View, judged, look, refined, settled
 
 TRIED, BETTERED, REFINED = (
@@ -57,12 +57,25 @@ class Ground:
 
 def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | None = None) -> Sighting:
     """The pose of a part in an image; else the reason why it is not found."""
-    regions = regions_of(image, ground.known)
-    begun = hypotheses(model, regions, image, TRIED * 4)
-    if not len(begun):
-        return NotLocated("nothing in the image has edges like those of the part")
     view = View(image, ground.known)
-    apart = [T for _, T in _ordered(model, view, _distinct(begun, model, TRIED), hope)[:BETTERED]]
+    found = sightings(model, view, regions_of(image, ground.known))
+    if not found:
+        return NotLocated("nothing in the image has edges like those of the part")
+    final = [
+        (each, covariance) for each, covariance in found if stands(model, each.T_camera_part, view, ground)
+    ]
+    return _decided(model, final, demands or Demands())
+
+
+def sightings(
+    model: Model, view: View, regions: Sequence[Region], more: Sequence[Floats] = ()
+) -> list[tuple[Hypothesis, Floats]]:
+    """The poses of a part that the plane regions of an image suggest, or that are given besides, as well as they fit the image.
+
+    Each comes with its covariance (6, 6).
+    """
+    begun = [*more, *hypotheses(model, list(regions), view.image, TRIED * 4)]
+    apart = [T for _, T in _ordered(model, view, _distinct(begun, model, TRIED + len(more)), hope)[:BETTERED]]
     nearer = _ordered(model, view, [refined(model, view, T, 2)[0] for T in apart])
     alike = [refined(model, view, T @ S, 2)[0] for _, T in nearer[:1] for S in model.likenesses]
     nearer = sorted([*nearer, *_ordered(model, view, alike)], key=lambda pair: -pair[0])
@@ -71,9 +84,13 @@ def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | N
     for T in _distinct(hopeful, model, REFINED):
         pose, covariance = settled(model, view, T)
         each = judged(model, view, pose, closely=True)
-        if each is not None and not _below(model, pose, ground) and _rests(model, pose, view, ground):
-            final.append((each, covariance))
-    return _decided(model, final, demands or Demands())
+        final += [(each, covariance)] if each is not None else []
+    return final
+
+
+def stands(model: Model, T: Floats, view: View, ground: Ground) -> bool:
+    """Whether a part may be at a pose: no corner of it is below a floor, and it rests on one or on something that is seen."""
+    return not below(model, T, ground) and _rests(model, T, view, ground)
 
 
 def _ordered(
@@ -99,14 +116,14 @@ def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Dema
     """The best hypothesis, if it shows what is demanded, and if no other pose that is as sound has as much evidence."""
     if not final:
         return NotLocated("the part would lie below the floor, or rest on nothing, wherever it could be")
-    sure = [pair for pair in final if not _doubt(pair[0], demands)] or final
+    sure = [pair for pair in final if not doubt(pair[0], demands)] or final
     first = max(sure, key=lambda pair: worth(pair[0]))[0]
     sure = [pair for pair in sure if _as_sound(pair[0], first)]
     best, covariance = max(sure, key=lambda pair: pair[0].evidence)
     others = [each for each, _ in final if not same(model, best.T_camera_part, each.T_camera_part)]
     rivals = [each for each in others if _as_sound(each, first)]
     second = max(rivals or others, key=lambda each: each.evidence, default=None)
-    reason = _doubt(best, demands)
+    reason = doubt(best, demands)
     if not reason and rivals and second is not None and best.evidence - second.evidence < demands.ahead:
         reason = "two poses explain the image equally well"
     least = float(np.sqrt(max(np.linalg.eigvalsh(covariance[:3, :3])[-1], 0.0)))
@@ -127,7 +144,7 @@ def _as_sound(one: Hypothesis, other: Hypothesis) -> bool:
     )
 
 
-def _doubt(best: Hypothesis, demands: Demands) -> str:
+def doubt(best: Hypothesis, demands: Demands) -> str:
     """Why a hypothesis is not believed; empty if it is."""
     if best.pixels < demands.pixels or best.seen < demands.seen:
         return f"too little of the part would be seen: {best.pixels} pixels, {best.seen:.0%} of its picture"
@@ -170,7 +187,8 @@ def _near(kept: Floats, T: Floats, model: Model) -> bool:
     return False
 
 
-def _below(model: Model, T: Floats, ground: Ground) -> bool:
+def below(model: Model, T: Floats, ground: Ground) -> bool:
+    """Whether a corner of a part at a pose is below a floor."""
     points = apply(T, model.solid.vertices)
     return any(bool((points @ floor[:3] - floor[3] < -BELOW_M).any()) for floor in ground.floors)
 

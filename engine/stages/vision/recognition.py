@@ -1,219 +1,216 @@
-"""Which of several parts is seen, by the relations between its faces, and where it is.
+"""Which of several parts are seen, by the relations between their faces and by the outlines of these, and where they are.
 
-Each face that is seen is one facet of the part, or belongs to something else. This is a constraint search (Grimson & Lozano-Perez,
-"Model-based recognition and localization from sparse range or tactile data", 1984; faces as in Magee & Nathan 1985): a face is
-no larger than its facet; two faces have the angle between their facets, and as parallel ones the distance; no two points of them
-are farther apart than the facets' are. Three facets that are not parallel settle the pose. Two leave a shift along both, which the ends
-of the larger face settle; one tells too little. The whole image betters the pose, and checks it.
+A part is suggested by two or three faces (`relations`), or by the edges of one (`hypotheses`); the whole image betters each pose and judges
+it. Then all parts are decided together: what shows one part shows no other, and each part is there once. So what may be one of two parts
+is the one that is left when the other one is found elsewhere. What is explained is taken out of the image, and parts that are not found
+yet are looked for in the rest.
+
+One face alone tells a part only by what carries it: its height there is the distance to the face that it lies on.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
-from engine.kernels.rigid import transform
 from engine.model.geometry import Floats, Truths
-from engine.model.ranging import Recognised, Recognising, Sight, Unrecognised
-from engine.model.vision import DepthImage
-from engine.stages.vision.faces import Face, faces_of, faces_seen, farthest, independent
-from engine.stages.vision.hypotheses import Model, inside
-from engine.stages.vision.images import rendered
-from engine.stages.vision.localisation import same
-from engine.stages.vision.outlines import axes_of
-from engine.stages.vision.refinement import View, refined
+from engine.model.ranging import Named, Recognised, Sight, Unclear, Unexplained, Window
+from engine.model.vision import DepthImage, Hypothesis
+from engine.stages.vision.faces import face_of, independent
+from engine.stages.vision.hypotheses import Model
+from engine.stages.vision.localisation import (
+    Demands,
+    Ground,
+    below,
+    doubt,
+    same,
+    sightings,
+    stands,
+    worth,
+)
+from engine.stages.vision.outlines import regions_of
+from engine.stages.vision.refinement import View, look
+from engine.stages.vision.relations import LEAST_RANK, SPANS, related_poses
 
-LEAST_RANK = 2  # directions that faces must span
-FACES = 8  # that are interpreted, the largest
-ANGLE_RAD, LENGTH_M, AREA = np.radians(4.0), 0.004, 1.15  # what relations may differ by
-SPANS = 0.25  # singular value of normals: less is no direction of its own
-TRIED = 40  # interpretations of one part that are checked against the image, those with the most pixels first
-NEAR = 5.0  # of the noise: so near to the part, a pixel shows it
-SHOWN = 0.85  # of what a face shows must lie in its facet
-THROUGH, EXPLAINED = (
-    0.03,
-    0.35,
-)  # shares of the part's picture: that the image looks through it, and that shows it
-AHEAD = 0.03  # of its pixels: so much better must the best part explain the image
-
-
-@dataclass(frozen=True, slots=True)
-class Pairing:
-    """A face that is seen and the facet that it is taken for."""
-
-    seen: Face
-    facet: Face
-
-
-Interpretation = tuple[Pairing, ...]
-
-
-def recognised(models: Mapping[str, Model], image: DepthImage, known: Truths) -> Recognising:
-    """The part that explains the image best, and all poses in which it does; else why none does."""
-    seen = faces_seen(image, known)[:FACES]
-    if not seen:
-        return Unrecognised("there is no plane face in the image")
-    found: list[Sight] = []
-    loose: list[str] = []
-    for name, model in sorted(models.items()):
-        interpretations = list(interpretations_of(seen, faces_of(model.solid)))
-        found += _sights(name, model, interpretations, image, known)
-        if interpretations and max(_rank(each) for each in interpretations) < LEAST_RANK:
-            loose.append(name)
-    if not found:
-        return Unrecognised(_why(len(seen), loose))
-    best = max(found, key=lambda each: each.pixels)
-    as_good = [each for each in found if each.pixels >= (1.0 - AHEAD) * best.pixels]
-    others = sorted({each.part for each in as_good} - {best.part})
-    if others:
-        told = " or ".join(sorted([best.part, *others]))
-        return Unrecognised(f"it may be {told}: what is seen is alike", tuple(as_good))
-    model = models[best.part]
-    poses: list[Floats] = []
-    for each in sorted(as_good, key=lambda each: -each.pixels):
-        if not any(same(model, T, each.T_eye_part) for T in poses):
-            poses.append(each.T_eye_part)
-    return Recognised(best, tuple(poses), tuple(best.T_eye_part @ S for S in model.symmetries))
+FACES = 24  # that are interpreted, the largest
+RELATED = 40  # poses of one part that relations between faces give, those with the most pixels first
+OVERLAP = 0.2  # of the pixels of the smaller one: two sights that share so many explain the same thing
+AHEAD = 0.03  # of its evidence: so much better must the best part explain the image
+FACE_PX = 25  # of a facet that is seen
+NEAR, SLACK_M = (
+    5.0,
+    0.004,
+)  # of the noise, and what is added where a face leans: so near to the part, a pixel shows it
+BESIDE_PX, LEAST_PX = 2, 120  # around what is explained; of what is told to be unexplained
+DEMANDS = Demands()
+NOTHING = "nothing that is left in the image has faces or edges like its own"
+LOOSE = "only one of its faces is seen, and nothing says what carries it; look from where two or three meet"
 
 
-def _why(faces: int, loose: Sequence[str]) -> str:
-    if loose:
-        told = ", ".join(loose)
-        return f"too few faces are seen to tell more than that it may be {told}: look from where two or three meet"
-    return f"no part explains two or three of the {faces} faces that are seen; if one is there, look from where two of its faces meet"
+@dataclass(frozen=True, slots=True, eq=False)
+class Claim:
+    """A part at a pose that the image confirms, what speaks for it, and the pixels (height, width) that show it.
 
-
-def interpretations_of(seen: Sequence[Face], facets: Sequence[Face]) -> Iterator[Interpretation]:
-    """All ways to take some of the faces for facets so that all relations hold, which cannot be extended by a later face."""
-
-    def extended(n: int, so_far: Interpretation) -> Iterator[Interpretation]:
-        if n == len(seen):
-            if so_far:
-                yield so_far
-            return
-        taken = {id(each.facet) for each in so_far}
-        fits = False
-        for facet in facets:
-            pairing = Pairing(seen[n], facet)
-            if id(facet) in taken or not _holds(pairing, so_far):
-                continue
-            fits = True
-            yield from extended(n + 1, (*so_far, pairing))
-        # A face may belong to something else; where it fits, only as long as few are left out.
-        if not fits or n - len(so_far) < 2:
-            yield from extended(n + 1, so_far)
-
-    yield from extended(0, ())
-
-
-def _holds(new: Pairing, so_far: Interpretation) -> bool:
-    """Whether a face can be a facet, beside those that are taken already."""
-    return new.seen.area_m2 <= AREA * new.facet.area_m2 and all(_related(new, each) for each in so_far)
-
-
-def _related(one: Pairing, other: Pairing) -> bool:
-    """Whether two faces stand to each other as their facets do."""
-    seen, model = (_angle(a.normal, b.normal) for a, b in ((one.seen, other.seen), (one.facet, other.facet)))
-    if abs(seen - model) > ANGLE_RAD:
-        return False
-    if model < ANGLE_RAD or model > np.pi - ANGLE_RAD:
-        side = 1.0 if model < 1.0 else -1.0
-        # The planes' offsets differ by what one is above the other, at the points of one of them.
-        gap = float((other.seen.points @ one.seen.normal).mean()) - one.seen.offset_m
-        wanted = side * other.facet.offset_m - one.facet.offset_m
-        if abs(gap - wanted) > LENGTH_M:
-            return False
-    apart = farthest(one.seen.points, other.seen.points)
-    return apart <= farthest(one.facet.points, other.facet.points) + 2 * LENGTH_M
-
-
-def _angle(one: Floats, other: Floats) -> float:
-    return float(np.arccos(np.clip(one @ other, -1.0, 1.0)))
-
-
-def _rank(each: Interpretation) -> int:
-    return independent([pairing.facet.normal for pairing in each], SPANS)
-
-
-def _sights(
-    name: str,
-    model: Model,
-    interpretations: Sequence[Interpretation],
-    image: DepthImage,
-    known: Truths,
-) -> list[Sight]:
-    """The poses of a part that interpretations give and the image confirms."""
-    settled = [each for each in interpretations if _rank(each) >= LEAST_RANK]
-    view = View(image, known)
-    settled.sort(key=lambda each: -sum(pairing.seen.pixels for pairing in each))
-    found: list[Sight] = []
-    for each in settled[:TRIED]:
-        T = posed(each)
-        if T is None or any(same(model, T, other.T_eye_part) for other in found):
-            continue
-        if all(_within(T, pairing, model) for pairing in each):
-            T, _ = refined(model, view, T)
-            sight = _checked(name, model, T, len(each), image, known)
-            found += [sight] if sight is not None else []
-    return found
-
-
-def posed(pairings: Interpretation) -> Floats | None:
-    """The pose (4, 4) that brings facets onto the faces: a rotation by their normals (Wahba's problem), then a shift.
-
-    None if the faces' normals are those of the mirrored part.
+    `stands` says whether it rests on what carries it, or nothing is known of that.
     """
-    weights = np.array([float(each.seen.pixels) for each in pairings])
-    seen = np.array([each.seen.normal for each in pairings])
-    own = np.array([each.facet.normal for each in pairings])
-    U, _, Vt = np.linalg.svd((seen * weights[:, None]).T @ own)
-    R = U @ np.diag([1.0, 1.0, float(np.linalg.det(U @ Vt))]) @ Vt
-    if (np.arccos(np.clip((seen * (own @ R.T)).sum(axis=1), -1.0, 1.0)) > ANGLE_RAD).any():
-        return None
-    offsets = np.array([each.seen.offset_m - each.facet.offset_m for each in pairings])
-    rows, wanted = seen * np.sqrt(weights)[:, None], offsets * np.sqrt(weights)
-    if independent(list(own), SPANS) < 3:
-        along = np.linalg.svd(seen)[2][2]
-        largest = max(pairings, key=lambda each: each.seen.pixels)
-        rows = np.concatenate([rows, along[None]])
-        wanted = np.append(
-            wanted, _middle(largest.seen.points @ along) - _middle(largest.facet.points @ R.T @ along)
-        )
-    shift, *_ = np.linalg.lstsq(rows, wanted, rcond=None)
-    return transform(R, np.asarray(shift, float))
+
+    sight: Sight
+    evidence: float
+    shows: Truths
+    stands: bool = True
 
 
-def _middle(along: Floats) -> float:
-    return float(along.min() + along.max()) / 2.0
+def recognised(models: Mapping[str, Model], image: DepthImage, ground: Ground) -> Recognised:
+    """The parts that are seen, what may be one of several, and what belongs to none.
+
+    `ground` says what of the image is known to be something else, and which planes carry parts.
+    """
+    left, known = dict(models), ground.known
+    named: list[Named] = []
+    unclear: list[Unclear] = []
+    doubts: dict[str, str] = {}
+    while left:
+        claims, doubts = _claims(left, image, replace(ground, known=known))
+        more, unclear = decided(claims, models)
+        named += more
+        left = {name: left[name] for name in left if name not in {each.best.part for each in named}}
+        if not more:
+            break
+        known = known | _explained(models, image, [each.best for each in named])
+    told = {part for each in unclear for part in each.parts}
+    missing = {name: doubts.get(name, NOTHING) for name in sorted(left) if name not in told}
+    sights = [each.best for each in named] + [sight for each in unclear for sight in each.sights]
+    rest = _unexplained(image, ground.known | _explained(models, image, sights))
+    return Recognised(tuple(named), tuple(unclear), tuple(rest), missing)
 
 
-def _within(T: Floats, pairing: Pairing, model: Model) -> bool:
-    """Whether the points of a face lie inside its facet, with the part at a pose."""
-    facet = model.solid.facets[pairing.facet.number]
-    axes = axes_of(facet.normal)[:, :2]
-    own = (pairing.seen.points - T[:3, 3]) @ T[:3, :3]
-    return bool(inside(own @ axes, facet.edges @ axes).mean() >= SHOWN)
+def _claims(
+    models: Mapping[str, Model], image: DepthImage, ground: Ground
+) -> tuple[list[Claim], dict[str, str]]:
+    """The parts at all poses that the image confirms; and for parts without any, why there is none."""
+    regions = regions_of(image, ground.known)
+    view, faces = View(image, ground.known), [face_of(image, each) for each in regions[:FACES]]
+    found: list[Claim] = []
+    doubts: dict[str, str] = {}
+    for name, model in sorted(models.items()):
+        seen = sightings(model, view, regions, related_poses(model, faces)[:RELATED])
+        reasons = [
+            _loose(model, each.T_camera_part, view, ground) or doubt(each, DEMANDS) for each, _ in seen
+        ]
+        sure = [each for (each, _), why in zip(seen, reasons, strict=True) if not why]
+        found += [_claim(name, model, each, view, ground) for each in sure]
+        if seen and not sure:
+            doubts[name] = max(zip(seen, reasons, strict=True), key=lambda pair: worth(pair[0][0]))[1]
+    return found, doubts
 
 
-def _checked(
-    name: str, model: Model, T: Floats, faces: int, image: DepthImage, known: Truths
-) -> Sight | None:
-    """What the whole image says of a pose: None if it looks through the part, or hardly shows it."""
-    expected = rendered([(model.solid, T)], image.camera)[0].depth
-    there = (expected > 0) & (image.depth > 0)
-    if not there.any():
-        return None
-    deeper = image.depth - expected
-    limit = NEAR * image.noise_m
-    shows = there & (np.abs(deeper) < limit + _slack(expected)) & ~known
-    through = there & (deeper > limit + LENGTH_M)
-    if through.sum() > THROUGH * there.sum() or shows.sum() < EXPLAINED * there.sum():
-        return None
-    return Sight(name, T, int(shows.sum()), float(shows.sum() / there.sum()), faces)
+def _claim(name: str, model: Model, each: Hypothesis, view: View, ground: Ground) -> Claim:
+    shows, normals = _shown(model, each.T_camera_part, view.image)
+    sight = Sight(name, each.T_camera_part, int(shows.sum()), each.seen, len(normals))
+    return Claim(sight, each.evidence, shows, stands(model, each.T_camera_part, view, ground))
 
 
-def _slack(expected: Floats) -> Floats:
-    """How much a depth may differ (h, w) because a face leans: what the next pixel differs by."""
-    down, right = np.gradient(expected)
-    found: Floats = np.minimum(np.hypot(down, right), LENGTH_M)
-    return found
+def _shown(model: Model, T: Floats, image: DepthImage) -> tuple[Truths, list[Floats]]:
+    """The pixels (height, width) that show a part at a pose, and the normals (3,) of its facets that they show."""
+    shows = np.zeros(image.depth.shape, dtype=bool)
+    seen = look(model, image, T)
+    if seen is None:
+        return shows, []
+    down, right = np.gradient(seen.depth)
+    slack = np.minimum(np.hypot(down, right), SLACK_M)  # what the next pixel differs by
+    own = np.abs(seen.apart) < NEAR * image.noise_m + slack
+    shows[seen.v0 : seen.v0 + own.shape[0], seen.u0 : seen.u0 + own.shape[1]] = own
+    counts = np.bincount(seen.owner[own], minlength=len(model.solid.facets))
+    return shows, [model.solid.facets[n].normal for n in np.flatnonzero(counts >= FACE_PX)]
+
+
+def _loose(model: Model, T: Floats, view: View, ground: Ground) -> str:
+    """Why a pose that an image confirms is not believed all the same; empty if it is."""
+    if below(model, T, ground):
+        return "it would reach below the floor"
+    if independent(_shown(model, T, view.image)[1], SPANS) >= LEAST_RANK:
+        return ""
+    if not ground.floors:
+        return LOOSE
+    return "" if stands(model, T, view, ground) else "it would rest on nothing"
+
+
+def decided(claims: Sequence[Claim], models: Mapping[str, Model]) -> tuple[list[Named], list[Unclear]]:
+    """The parts that claims settle, and what stays open: each part is there once, and what shows one part shows no other."""
+    open_ = _groups(claims)
+    named: list[Named] = []
+    while True:
+        alone = [name for group in open_ if len(_parts(group)) == 1 for name in _parts(group)]
+        sure = sorted(name for name in set(alone) if alone.count(name) == 1)
+        if not sure:
+            return named, [Unclear(tuple(_best(group))) for group in open_]
+        settled = [group for group in open_ if len(_parts(group)) == 1 and _parts(group) <= set(sure)]
+        named += [_named(group, models[group[0].sight.part]) for group in settled]
+        left = [tuple(each for each in group if each.sight.part not in sure) for group in open_]
+        open_ = [group for group in left if group]
+
+
+def _parts(group: Sequence[Claim]) -> set[str]:
+    return {each.sight.part for each in group}
+
+
+def _groups(claims: Sequence[Claim]) -> list[tuple[Claim, ...]]:
+    """Claims that explain the same pixels, the best first; without those that are clearly behind, or hang in the air beside one that stands."""
+    rest = sorted(claims, key=lambda each: -each.evidence)
+    groups = []
+    while rest:
+        together = [each for each in rest if _overlap(rest[0], each)]
+        near = [each for each in together if each.evidence >= (1.0 - AHEAD) * rest[0].evidence]
+        groups.append(tuple([each for each in near if each.stands] or near))
+        rest = [each for each in rest if not any(each is other for other in together)]
+    return groups
+
+
+def _overlap(one: Claim, other: Claim) -> bool:
+    both = int((one.shows & other.shows).sum())
+    return one is other or both > OVERLAP * min(one.sight.pixels, other.sight.pixels)
+
+
+def _best(group: Sequence[Claim]) -> list[Sight]:
+    """The best sight of each part in a group."""
+    found: dict[str, Sight] = {}
+    for each in group:
+        found.setdefault(each.sight.part, each.sight)
+    return list(found.values())
+
+
+def _named(group: Sequence[Claim], model: Model) -> Named:
+    poses: list[Floats] = []
+    for each in group:
+        if not any(same(model, T, each.sight.T_eye_part) for T in poses):
+            poses.append(each.sight.T_eye_part)
+    best = group[0].sight
+    return Named(best, tuple(poses), tuple(best.T_eye_part @ S for S in model.symmetries))
+
+
+def _explained(models: Mapping[str, Model], image: DepthImage, sights: Sequence[Sight]) -> Truths:
+    """The pixels (height, width) that show parts, and those close beside them, where beams meet both."""
+    found = np.zeros(image.depth.shape, dtype=bool)
+    for each in sights:
+        found |= _shown(models[each.part], each.T_eye_part, image)[0]
+    return np.asarray(ndimage.binary_dilation(found, iterations=BESIDE_PX))
+
+
+def _unexplained(image: DepthImage, known: Truths) -> list[Unexplained]:
+    """What is seen and belongs to nothing, the largest first."""
+    open_ = ndimage.binary_opening((image.depth > 0) & ~known, iterations=2)
+    label, count = ndimage.label(open_)
+    found = []
+    for n, box in enumerate(ndimage.find_objects(label, max_label=count)):
+        own = label[box] == n + 1
+        if own.sum() < LEAST_PX:
+            continue
+        v, u = np.nonzero(own)
+        rows, columns = box
+        u, v = u + columns.start, v + rows.start
+        points = image.camera.rays(u.astype(float), v.astype(float)) * image.depth[v, u][:, None]
+        window = Window(columns.start, rows.start, columns.stop, rows.stop)
+        x, y, z = (float(each) for each in np.median(points, axis=0))
+        found.append(Unexplained(int(own.sum()), window, (x, y, z)))
+    return sorted(found, key=lambda each: -each.pixels)

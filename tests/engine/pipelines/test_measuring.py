@@ -6,6 +6,9 @@ import pytest
 
 from engine.formats.interop.tables import read_table
 from engine.pipelines.measuring import Expected, Measuring, findings_of
+from engine.pipelines.planning import problem_of
+from engine.pipelines.simulator.good_part import GoodPart
+from engine.pipelines.simulator.truth import Truth
 from kb.loader import load
 from kb.model.problem import Problem
 from kb.model.results import Measured
@@ -113,3 +116,15 @@ def test_a_table_brings_nominal_values(tmp_path: Path) -> None:
         pytest.approx(0.00635),
         None,
     ]
+
+
+def test_a_simulated_part_of_which_nothing_is_known_gives_what_is_usual() -> None:
+    problem = problem_of("bulkhead/twelve_points")
+    good, truth = GoodPart(problem, 1), Truth(problem)
+    wall, surface = term("us_measure(us_probe, t3_746, m1)"), term("laser_measure(slra, t3_746, m4)")
+    assert abs(int(good.value(wall, 1)) - 5000) < 200
+    assert abs(int(good.value(surface, 1))) < 200
+    assert truth.value(wall) == "5000"
+    measured = Measuring(problem).heard(wall, "value(4993)", 0)
+    assert measured is not None
+    assert (measured.nominal, measured.passed) == (None, None)

@@ -59,16 +59,31 @@ def test_options_of_images_that_contradict_each_other_are_a_misuse(words: tuple[
 
 
 @pytest.mark.slow
-def test_the_part_that_is_seen_is_told_with_its_place_and_symmetry(tmp_path: Path) -> None:
+def test_the_parts_that_are_seen_are_told_with_their_places_and_symmetries(tmp_path: Path) -> None:
     picture = tmp_path / "seen.png"
     code, said = told("recognise", "--scene", "handey", "--picture", str(picture), "--format", "json")
     found = json.loads(said)["data"]
-    assert (code, found["part"], len(found["equivalent"])) == (0, "slab", 24)
-    assert found["T_eye_part"][2][3] == pytest.approx(0.97, abs=0.002)
+    parts = {each["part"]: each for each in found["parts"]}
+    assert (code, {name: len(each["equivalent"]) for name, each in parts.items()}) == (
+        0,
+        {"slab": 24, "brick": 4, "angle": 1},
+    )
+    assert parts["slab"]["T_eye_part"][2][3] == pytest.approx(0.97, abs=0.002)
+    assert (found["unclear"], found["unexplained"], found["missing"]) == ([], [], {})
     assert picture.read_bytes().startswith(b"\x89PNG")
-    code, said = told("recognise", "--scene", "handey", "--part", "angle")
+
+
+@pytest.mark.slow
+def test_what_is_none_of_the_parts_that_are_looked_for_is_told(tmp_path: Path) -> None:
+    code, said = told("recognise", "--scene", "handey", "--part", "slab", "--part", "brick")
+    assert code == 0
+    assert said.count("of it is seen") == 2
+    assert "no part that is looked for, at (" in said
+    empty = tmp_path / "empty.npy"
+    np.save(empty, np.full((480, 640), 1.0))
+    code, said = told("recognise", "--scene", "handey", "--part", "angle", "--image", str(empty))
     assert code == exits.FINDINGS
-    assert "no part is recognised: " in said
+    assert "angle is not found: nothing that is left in the image" in said
 
 
 def test_a_part_that_a_scene_has_not_is_not_recognised() -> None:

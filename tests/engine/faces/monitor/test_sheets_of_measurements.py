@@ -97,6 +97,19 @@ def test_a_link_out_of_the_folder_is_not_followed(
     assert "p1" not in outside.read_text()
 
 
+def test_a_point_that_arms_share_is_told_with_the_tools_of_all_arms_that_reach_it(sheets: Sheets) -> None:
+    sheets.change({"how": "new", "file": "shared", "domain": "halves"})
+    path = str(sheets.path("shared.yaml"))
+    west, both, east = ({**POINT, "at": [0.0, y, 0.0]} for y in (-1500.0, -100.0, 1500.0))
+    assert verdict(path, west) == (True, "by west_probe")
+    assert verdict(path, both) == (True, "by east_probe or west_probe")
+    assert verdict(path, east) == (True, "by east_probe")
+    reached, why = verdict(path, {**both, "at": [0.0, 2400.0, 0.0]})
+    assert not reached
+    assert "west: " in why
+    assert "east: " in why
+
+
 def test_a_table_is_imported_as_a_problem(sheets: Sheets) -> None:
     (sheets.folder / "points.csv").write_text("name,kind,x,y,z,nx,ny,nz\na1,thickness,100,200,0,0,0,-1\n")
     assert "1 points" in sheets.change({"how": "import", "file": "points.csv", "domain": "bulkhead"})

@@ -86,10 +86,25 @@ def test_true_claims_are_accepted(claims: Claims) -> None:
         (Claims(makespan=0), ["the makespan is 50, not 0"]),
         (replace(starting(s2=21), makespan=50), ["the makespan is 51, not 50"]),
         (Claims(cost=6, makespan=7), ["the makespan is 50, not 7", "the cost is 5, not 6"]),
+        (Claims(told=49), ["the makespan is 50, not 49"]),
+        (Claims(makespan=49, told=49), ["the makespan is 50, not 49"]),
+        (Claims(told=50, bound=51), ["the makespan is 50, so it is less than its lower bound 51"]),
     ],
 )
 def test_false_times_and_sums_are_told(claims: Claims, why: list[str]) -> None:
     assert said(WARM, BOTH, claims) == [f"K508: {each}" for each in why]
+
+
+def test_sums_are_those_of_the_domain_where_a_step_says_something_else() -> None:
+    cheap = (replace(HEAT_BOLT, cost=1), HEAT_NUT)
+    assert said(WARM, cheap, Claims(cost=5)) == ["K508: step 1 heat(bolt, 2) has the cost 2, not 1"]
+    quick = (replace(HEAT_BOLT, duration=1), HEAT_NUT)
+    assert said(WARM, quick, replace(starting(s2=20), makespan=50)) == [
+        "K508: step 1 heat(bolt, 2) has the duration 20, not 1"
+    ]
+    assert "K508: step 2 heat(nut, 3) starts at 1, but step 1 ends at 20" in said(
+        WARM, quick, replace(starting(s2=1), makespan=31)
+    )
 
 
 def test_steps_that_wait_for_nothing_may_start_at_once_and_the_last_end_is_the_makespan() -> None:
@@ -264,3 +279,11 @@ def test_a_step_that_does_not_hold_what_it_must_is_not_executed() -> None:
     )
     step_ = replace(step(1, "chill(bolt)"), duration=3)
     assert said(posed, (step_,)) == ["K501: step 1 chill(bolt) must hold bolt"]
+
+
+def test_a_plan_without_links_has_the_histories_of_its_steps() -> None:
+    assert said(SEEN, SHOWN, history(FIRST, SECOND), ()) == []
+    wrong = history(replace(FIRST, start=1), SECOND)
+    assert said(SEEN, SHOWN, wrong, ()) == [
+        "K508: the history of bolt has no seen(bolt) by step 1 from 1 for 4"
+    ]
