@@ -128,8 +128,16 @@ def asked(bench: Bench, query: Query, strategy: Strategy) -> dict[str, Any]:
             "straight": len(answer.path) == 2,
         }
     if isinstance(answer, Blocked):
-        row["why"] = answer.why or "budget"
+        row["why"] = _why(answer)
     return row
+
+
+def _why(answer: Blocked) -> str:
+    """Why there is no path: a proof, what the strategy says, or that its work has ended."""
+    if answer.severed is None:
+        return answer.why or "budget"
+    touching = answer.severed.contacts[0]
+    return f"there is none, that is proved: {touching.first} cannot pass {touching.second}"
 
 
 def shown(cell: str, rows: dict[str, list[dict[str, Any]]]) -> Table:

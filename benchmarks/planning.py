@@ -15,6 +15,7 @@ import math
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -32,6 +33,7 @@ from kb.diagnostics import InvalidInput
 
 OURS = ("auto", "backward", "forward", "landmarks", "asp")
 PEERS = ("lama-first", "pyperplan", "enhsp")
+Command = Callable[[Path, Path, float], list[str]]  # from a task's folder, the file for its plan, a limit (s)
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def numeric_tasks(data: Path) -> list[Instance]:
     return [Instance(f"{path.parent.name}/{path.stem}", path.parent / "domain.pddl", path) for path in found]
 
 
-def ours(strategy: str) -> Callable[[Path, Path, float], list[str]]:
+def ours(strategy: str) -> Command:
     """The command line of one of our strategies; the plan goes to standard output."""
 
     def line(folder: Path, _plan: Path, seconds: float) -> list[str]:
@@ -92,11 +94,20 @@ def ours(strategy: str) -> Callable[[Path, Path, float], list[str]]:
     return line
 
 
-def lama_first(python: str) -> Callable[[Path, Path, float], list[str]]:
-    """Fast Downward's `lama-first`."""
-    code = "import os, up_fast_downward as u; print(os.path.join(os.path.dirname(u.__file__), 'downward'))"
+def folder_of(package: str, python: str) -> Path:
+    """Where an environment has a package, which is not imported. Raises `LookupError` if it has none."""
+    code = (
+        f"import importlib.util as u; found = u.find_spec('{package}'); print(found.origin if found else '')"
+    )
     found = subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
-    driver = str(Path(found) / "fast-downward.py")
+    if not found:
+        raise LookupError(f"{package} is not installed")
+    return Path(found).parent
+
+
+def lama_first(python: str) -> Command:
+    """Fast Downward's `lama-first`."""
+    driver = str(folder_of("up_fast_downward", python) / "downward" / "fast-downward.py")
 
     def line(folder: Path, plan: Path, _seconds: float) -> list[str]:
         files = [str(folder / "domain.pddl"), str(folder / "problem.pddl")]
@@ -105,8 +116,9 @@ def lama_first(python: str) -> Callable[[Path, Path, float], list[str]]:
     return line
 
 
-def pyperplan(python: str) -> Callable[[Path, Path, float], list[str]]:
+def pyperplan(python: str) -> Command:
     """pyperplan, greedy with the FF heuristic."""
+    folder_of("pyperplan", python)
 
     def line(folder: Path, _plan: Path, _seconds: float) -> list[str]:
         files = [str(folder / "domain.pddl"), str(folder / "problem.pddl")]
@@ -115,11 +127,9 @@ def pyperplan(python: str) -> Callable[[Path, Path, float], list[str]]:
     return line
 
 
-def enhsp(python: str) -> Callable[[Path, Path, float], list[str]]:
+def enhsp(python: str) -> Command:
     """ENHSP as `up-enhsp` starts it by default: greedy with additive costs."""
-    code = "import os, importlib.util as u; print(os.path.dirname(u.find_spec('up_enhsp').origin))"
-    found = subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
-    jar = str(Path(found) / "ENHSP" / "enhsp.jar")
+    jar = str(folder_of("up_enhsp", python) / "ENHSP" / "enhsp.jar")
 
     def line(folder: Path, plan: Path, _seconds: float) -> list[str]:
         files = ["-o", str(folder / "domain.pddl"), "-f", str(folder / "problem.pddl"), "-sp", str(plan)]
@@ -128,9 +138,7 @@ def enhsp(python: str) -> Callable[[Path, Path, float], list[str]]:
     return line
 
 
-def run(
-    task: Instance, planner: str, command: Callable[[Path, Path, float], list[str]], seconds: float
-) -> Run:
+def run(task: Instance, planner: str, command: Command, seconds: float) -> Run:
     """One planner on a copy of one task."""
     with tempfile.TemporaryDirectory() as place:
         copy = Path(place)
@@ -154,13 +162,23 @@ def _of_children() -> float:
 
 
 def _output(line: Sequence[str], place: Path, seconds: float) -> str:
-    try:
-        done = subprocess.run(
-            line, capture_output=True, text=True, check=False, cwd=place, timeout=seconds, env=_environment()
-        )
-    except subprocess.TimeoutExpired:
-        return ""
-    return done.stdout if done.returncode == 0 else ""
+    """What a planner prints; nothing if it fails. After the time it is ended with all that it has started."""
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(
+        line,
+        stdout=subprocess.PIPE,
+        stderr=quiet,
+        text=True,
+        cwd=place,
+        env=_environment(),
+        start_new_session=True,
+    ) as planner:
+        try:
+            said, _ = planner.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(planner.pid, signal.SIGKILL)
+            return ""
+    return said if planner.returncode == 0 else ""
 
 
 def _environment() -> dict[str, str]:
@@ -215,6 +233,18 @@ def listing(runs: Sequence[Run], planners: Sequence[str]) -> Table:
     return made
 
 
+def installed(python: str, names: Sequence[str]) -> dict[str, Command]:
+    """The command lines of the peers that an environment has; one that it lacks is told and left out."""
+    peers = {"lama-first": lama_first, "pyperplan": pyperplan, "enhsp": enhsp}
+    found: dict[str, Command] = {}
+    for name in names:
+        try:
+            found[name] = peers[name](str(Path(python).absolute()))
+        except LookupError as missing:
+            print(f"{name} is left out: {missing}", file=sys.stderr)
+    return found
+
+
 def main() -> int:
     """Measure, print, keep."""
     parser = argparse.ArgumentParser(description="solve competition tasks beside other planners")
@@ -232,8 +262,7 @@ def main() -> int:
     arguments = parser.parse_args()
     commands = {name: ours(name) for name in arguments.planners.split(",")}
     if arguments.peers:
-        peers = {"lama-first": lama_first, "pyperplan": pyperplan, "enhsp": enhsp}
-        commands |= {name: peers[name](arguments.peers) for name in arguments.beside.split(",")}
+        commands |= installed(arguments.peers, arguments.beside.split(","))
     first, _, last = arguments.levels.partition("-")
     found = (
         numeric_tasks(arguments.data)

@@ -110,13 +110,14 @@ PLANS = (
         (18, 180),
     ),
     Part(
-        "numeric", "benchmarks/planning.py", None,
+        "numeric", "benchmarks/planning.py",
+        ("--numeric", "--seconds", "10", "--only", "counters", "--planners", "auto", *PEERS, "--beside", "enhsp", "--json", "{json}"),
         ("--numeric", "--seconds", "60", "--planners", "auto", *PEERS, "--beside", "enhsp", "--json", "{json}"),
         (Figure(24, "numeric tasks solved", solved("auto"), "", less=False, noise=EXACT, peer=("ENHSP", solved("enhsp"))),),
         (6, 120),
     ),
     Part(
-        "thousand", "benchmarks/thousand.py", ("--points", "10", "100", "--json", "{json}"),
+        "thousand", "benchmarks/thousand.py", ("--points", "10", "100", "1000", "--json", "{json}"),
         ("--points", "10", "100", "1000", "10000", "--json", "{json}"),
         (
             Figure(16, "100 points, all commands", stages_s(100), "s of the processor"),
@@ -140,11 +141,11 @@ PLANS = (
         (9, 60),
     ),
     Part(
-        "clustered", "benchmarks/sequencing.py", None, ("--seconds", "10", "--only", "fl1400", "fl3795", "--json", "{json}"),
+        "clustered", "benchmarks/sequencing.py", ("--seconds", "10", "--only", "fl1400", "--json", "{json}"), ("--seconds", "10", "--only", "fl1400", "fl3795", "--json", "{json}"),
         (Figure(16, "bound below the optimum, clustered cities, worst", of(lambda k: k["rows"], "bound %"), "%", 2.0),), (6, 10),
     ),
     Part(
-        "scattered", "benchmarks/sequencing.py", None, ("--only", "berlin52", "--seconds", "1", "--random", "100000", "--json", "{json}"),
+        "scattered", "benchmarks/sequencing.py", ("--only", "berlin52", "--seconds", "1", "--random", "100000", "--json", "{json}"), ("--only", "berlin52", "--seconds", "1", "--random", "100000", "--json", "{json}"),
         (Figure(16, "100,000 random cities above the constant", of(lambda k: k["rows"], "ours 60 s %"), "%", 5.0),), (6, 15),
     ),
     Part(
@@ -170,7 +171,7 @@ PLANS = (
         (12, 40),
     ),
     Part(
-        "macros", "benchmarks/macros.py", ("--macrops", "200", "--points", "60", "--part", "lookup", "--json", "{json}"),
+        "macros", "benchmarks/macros.py", ("--macrops", "200", "--points", "60", "--json", "{json}"),
         ("--json", "{json}"),
         (
             Figure(14, "lookup of a MACROP, median", of(where("queries", "figure 4", "lookup"), "median_ms"), "ms", 2.0),
@@ -199,7 +200,7 @@ PLANS = (
         (6, 20),
     ),
     Part(
-        "cluster", "benchmarks/cluster.py", None, ("--json", "{json}"),
+        "cluster", "benchmarks/cluster.py", ("--problems", "8", "--pairs", "1", "--kills", "1", "--json", "{json}"), ("--json", "{json}"),
         (
             Figure(26, "preparation with two processes, times as fast, median", lambda o: median([r["one"]["clock_s"] / r["two"]["clock_s"] for r in o.kept["speed"]]), "", 1.8, less=False),
             Figure(26, "stores that differ after kills", lambda o: float(sum(bool(r["wrong"]) for r in o.kept["mishaps"])), "", 0.0, noise=EXACT),
@@ -223,7 +224,7 @@ PLANS = (
         (9, 60),
     ),
     Part(
-        "fuzz", "tests/fuzzing/campaign.py", None, ("--minutes", "10", "--seed", "1"),
+        "fuzz", "tests/fuzzing/campaign.py", ("--minutes", "1", "--seed", "1"), ("--minutes", "10", "--seed", "1"),
         (
             Figure(23, "mutated inputs tried", said(r"\| all \| (\d+)"), "", less=False, noise=1.0),
             Figure(23, "exceptions that no reader promises", said(r"\| all \| \d+ \| \d+ \| \d+ \| (\d+)"), "", 0.0, noise=EXACT),
@@ -232,7 +233,7 @@ PLANS = (
         (6, 15),
     ),
     Part(
-        "mutation", "benchmarks/mutation.py", None, ("--mutators={peers}", "--seed", "2", "--count", "600", "--json", "{json}"),
+        "mutation", "benchmarks/mutation.py", ("--mutators={peers}", "--seed", "2", "--count", "12", "--json", "{json}"), ("--mutators={peers}", "--seed", "2", "--count", "600", "--json", "{json}"),
         (Figure(14, "mutants that tests notice", share(lambda m: m["became"] != "survived", lambda kept: kept["mutants"]), "%", 85.0, less=False, noise=0.02),),
         (6, 240),
     ),

@@ -112,6 +112,8 @@ def _late(
             goals = goals & ~step.adds | step.preconditions
         else:
             needed |= step.preconditions
+            if step.instance.name == REACHES and step.deletes & goals:  # left to the end in another order
+                goals = goals & ~step.deletes | step.adds
     return frozenset(late), goals
 
 

@@ -18,6 +18,7 @@ from engine.pipelines.timetable import (
 )
 from engine.pipelines.timetable.kept import LONG
 from engine.pipelines.timetable.orders import least_makespan
+from engine.pipelines.turns import in_turn
 from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
 from engine.stages.scheduling import ScheduleLimits
@@ -41,8 +42,9 @@ def fastest(
         return _judged(keeping(problem, outcome.plan), bound), None
     own = own_order(problem, task, outcome.plan)
     if own.schedule.makespan <= bound and not own.unwatched:
-        named = in_the_order_named(problem, own.plan)
-        return _judged(own if named == own.plan else own_order(problem, task, named), bound), None
+        named = _named(problem, task, own.plan)
+        other = own if named == own.plan else own_order(problem, task, named)
+        return _judged(other if value_of(other) <= value_of(own) else own, bound), None
     plans = list(_plans(problem, task, outcome, limits))
     made = [timed(problem, task, each, work) for each in plans]
     if isinstance(made[0], Timetable):
@@ -55,14 +57,19 @@ def fastest(
 
 
 def _as_named(problem: Problem, task: Task, best: Timetable, bound: int, work: ScheduleLimits) -> Timetable:
-    """The best timetable, or one that is as good and serves alike objects in the order in which they are named."""
-    plan = in_the_order_named(problem, best.plan)
+    """The best timetable, or one that is as good and does things in the order in which they are named."""
+    plan = _named(problem, task, best.plan)
     made = None if plan == best.plan else timed(problem, task, plan, work)
     if not isinstance(made, Timetable):
         return best
     made = _judged(made, bound)
     as_good = value_of(made)[:-1] <= value_of(best)[:-1] and made.schedule.proved >= best.schedule.proved
-    return made if as_good and in_the_order_named(problem, made.plan) == made.plan else best
+    return made if as_good and _named(problem, task, made.plan) == made.plan else best
+
+
+def _named(problem: Problem, task: Task, plan: Plan) -> Plan:
+    """The plan that does in its turn what has one, and serves alike objects in the order in which they are named."""
+    return in_the_order_named(problem, in_turn(problem, task, plan))
 
 
 def _judged(made: Timetable, bound: int) -> Timetable:

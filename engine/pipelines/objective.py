@@ -162,13 +162,16 @@ def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objecti
     """An outcome with its timetable, and for the makespan with the best plan found from its own on."""
     if not isinstance(outcome, Found):
         return Run(outcome)
+    from engine.pipelines.turns import in_turn
+
     if not _lasts(outcome.plan):
-        return Run(replace(outcome, plan=in_the_order_named(problem, outcome.plan)))
+        plan = in_the_order_named(problem, in_turn(problem, task, outcome.plan))
+        return Run(replace(outcome, plan=plan))
     from engine.pipelines import makespan
     from engine.pipelines.timetable import own_order
 
     if objective is Objective.COST:
-        plan = in_the_order_named(problem, outcome.plan)
+        plan = in_the_order_named(problem, in_turn(problem, task, outcome.plan))
         return Run(replace(outcome, plan=plan), own_order(problem, task, plan))
     best, _ = makespan.fastest(problem, task, outcome, limits)
     optimal = outcome.optimal and best.plan.cost == outcome.plan.cost

@@ -13,6 +13,7 @@ SUFFIXES = (
     ".yaml",
     ".yml",
 )  # messages show lines of the domain, so only files of this kind may be named: no other file is ever shown
+PDDL = ".pddl"
 HEAD_BYTES = 65_536  # the part of a file that is searched for its `domain:` line
 _WITH_ITS_DOMAIN = "name the folder of this file: the file is checked with its domain"
 _OTHERS = {
@@ -57,6 +58,10 @@ def domain_file(reader: Reader) -> Path:
     name, here = str(node.value), Path(reader.root.file.path).parent
     if (found := domain_called(name, here)) is not None:
         return found
+    if Path(name).suffix == PDDL:
+        said = f"'{name[-60:]}' is PDDL: here a domain in YAML is wanted"
+        hint = "plan --pddl DOMAIN PROBLEM --format ipc writes a plan that validate --pddl DOMAIN PROBLEM PLAN checks"
+        raise InvalidInput([*reader.findings.diagnostics, Diagnostic(node.where, "K401", said, hint)])
     known = bundled()
     beside = [called for each in (here.parent, here) if (called := _name_in(each / DOMAIN_FILE))]
     hint = nearest(name, [*beside, *known]) or _suggestion(beside, list(known))

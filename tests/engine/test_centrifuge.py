@@ -16,6 +16,7 @@ from engine.stages.planning import Limits
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load
 from kb.loader.faults import load_faults
+from kb.model.plan import Claims
 from kb.model.problem import Problem
 from kb.targets import bundled
 from kb.terms import Number
@@ -98,8 +99,10 @@ def test_a_tube_that_nobody_wants_spun_is_not_spun() -> None:
 
 def test_a_sentence_fills_spins_and_puts_back() -> None:
     said = "spin tubes 1 to 4 for 10 minutes after adding 5 ml buffer, then put them back capped"
-    outcome = planning.plan(planning.problem_of("centrifuge/four", command=said))
+    posed = planning.problem_of("centrifuge/four", command=said)
+    outcome = planning.plan(posed)
     assert isinstance(outcome, Found)
+    assert planning.check_plan(posed, outcome.plan, "plan", Claims(cost=outcome.plan.cost)) == []
     names = [step.operator.name for step in outcome.plan.steps]
     assert names.count("dispense") == names.count("unload") == 4
     assert names.count("spin") == 1

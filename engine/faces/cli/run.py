@@ -180,13 +180,15 @@ def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "
 
 
 def _paths(moving: "Moving", seed: int) -> "Paths | None":
-    """What the arm can do while the run goes on. Where several arms share a space, the plan alone keeps them apart."""
+    """What the arms can do while the run goes on."""
+    from engine.pipelines.execution.apart import going_home
     from engine.pipelines.execution.paths import Paths
 
     walk = moving.walk
-    if walk is None or len(walk.cell.arms) > 1:
+    if walk is None:
         return None
-    return Paths(moving.problem, walk.cell, seed, walk.ways, planned=walk)
+    home = going_home(walk.cell, moving.steps)
+    return Paths(moving.problem, walk.cell, seed, walk.ways, planned=walk, home=home)
 
 
 def options_of(given: Sequence[str]) -> dict[str, str]:

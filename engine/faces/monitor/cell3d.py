@@ -1,7 +1,10 @@
-"""The cell in three dimensions: the arm on its way, what it holds, the path of the current motion, and what touches in red."""
+"""The cell in three dimensions: the arm on its way, what it holds and what it has met, the path of the current motion, and what
+touches in red.
+"""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from nicegui import background_tasks, events, ui
 from nicegui.elements.scene.scene_object3d import Object3D
@@ -9,12 +12,15 @@ from nicegui.elements.scene.scene_object3d import Object3D
 from engine.faces.monitor.choosing import mentions
 from engine.faces.monitor.solids import Solids
 from engine.faces.monitor.viewing import View
+from engine.model.execution import SEEN
+from engine.model.geometry import Floats
 from engine.model.moves import Unmoved
 from engine.pipelines.execution.records import read_atom
 from engine.pipelines.execution.retracing import Taken, tool_path
+from engine.pipelines.moves.seen import seen_in
 from kb.diagnostics import InvalidInput
 
-RED, CHOSEN = "#e01818", "#d02090"
+RED, CHOSEN, MET = "#e01818", "#d02090", "#e08a18"
 SIDES = {  # the direction from which it is seen
     "front": (0.0, -1.0, 0.15),
     "right": (1.0, 0.0, 0.15),
@@ -57,6 +63,7 @@ class Cell3D(View):
         """Make what is shown, still empty."""
         self._path_of, self._painted = 0, dict[str, str]()
         self._sent = dict[str, tuple[float, ...]]()
+        self._boxes = dict[str, tuple[float, float, float]]()
         try:
             self._solids: Solids | None = self.look.shared.solids(self.look.follower.run)
         except InvalidInput as refused:
@@ -97,14 +104,30 @@ class Cell3D(View):
         run, look = self.look.run, self.look
         background_tasks.create_lazy(look.shared.find_motions(run.run), name=f"motions {run.run}")
         motions = look.shared.motions(run.run)
-        taken = motions.at(run.number)
+        taken = [each for each in motions.at(run.number) if each.command not in run.stopped]
         last = taken[-1] if taken else None
         share = look.share(last) if last is not None else 1.0
         world = self._solids.world(taken, share, list(map(read_atom, run.holds)))
-        self._place({name: tuple(pose.ravel().round(6)) for name, pose in self._solids.poses(world).items()})
+        poses = self._solids.poses(world) | self._met(run.met)
+        self._place({name: tuple(pose.ravel().round(6)) for name, pose in poses.items()})
         self._paint(self._solids.touching(world, last))
         self._draw_path(last if share < 1.0 else None)
         self._motion.set_text(motions.why_none or _said(last, share, motions.looked < run.number))
+
+    def _met(self, told: Mapping[str, Any]) -> dict[str, Floats]:
+        """Where the bodies are that the arm has met, T_world_body (4, 4). Those that the cell does not know are boxes here."""
+        assert self._solids is not None
+        seen = seen_in({SEEN: told}, self._solids.cell)[0]
+        boxes = {each.name: each.box_m for each in seen if each.name not in self._solids.names and each.box_m}
+        for name in self._boxes.keys() - {n for n, box in boxes.items() if self._boxes.get(n) == box}:
+            self._bodies.pop(name).delete()
+            self._sent.pop(name, None)
+            self._painted.pop(name, None)
+        with self._scene:
+            for name in boxes.keys() - self._bodies.keys():
+                self._bodies[name] = self._scene.box(*boxes[name]).with_name(name).material(MET)
+        self._boxes = boxes
+        return {each.name: each.T_world for each in seen if each.name in self._bodies}
 
     def _place(self, poses: dict[str, tuple[float, ...]]) -> None:
         """Tell the page where the bodies are that are not where they were."""
@@ -120,7 +143,8 @@ class Cell3D(View):
         painted = dict.fromkeys(chosen, CHOSEN) | dict.fromkeys(red, RED)
         for name in painted.keys() | self._painted.keys():
             if painted.get(name) != self._painted.get(name):
-                self._bodies[name].material(painted.get(name, self._solids.colours[name]))
+                usual = self._solids.colours.get(name, MET)
+                self._bodies[name].material(painted.get(name, usual))
         self._painted = painted
         said = "; ".join(f"{one} touches {other}" for one, other in pairs)
         self._touching.set_text(f"✗ {said}" if said else "✓ nothing touches")

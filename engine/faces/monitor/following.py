@@ -9,7 +9,7 @@ from engine.faces.monitor.goals import GoalIndex
 from engine.faces.monitor.keeping import Kept
 from engine.formats.report.narration import narrated
 from engine.formats.report.standing import Standing
-from engine.model.execution import CommandKind, Phase, Record, RecordKind
+from engine.model.execution import OBSTRUCTED, CommandKind, Phase, Record, RecordKind
 from kb.store.journal import Begun, Journal, Line
 
 KEPT = 2000  # records at least between two states that are kept for going back
@@ -24,7 +24,8 @@ class Watched(Standing):
     """All that a page shows of a run up to a record.
 
     `holds` are the facts of the world model, each with the number of the record that brought it. `why` says, for each step of
-    the last plan, the steps that it waits for.
+    the last plan, the steps that it waits for. `met` are bodies that were seen where the cell does not have them, as records tell
+    of them; `stopped` are the commands whose arm met something, and went back.
     """
 
     number: int = 0
@@ -37,6 +38,8 @@ class Watched(Standing):
     goals: dict[str, str] = field(default_factory=dict)  # open, reached, or why it was given up
     index: GoalIndex = field(default_factory=GoalIndex)  # those of the goals that are single facts
     plan: dict[str, Any] = field(default_factory=dict)
+    met: dict[str, dict[str, Any]] = field(default_factory=dict)
+    stopped: set[int] = field(default_factory=set)
 
     def copied(self) -> "Watched":
         """The same, to go on from. What its lists hold is never changed, so it is not copied."""
@@ -69,6 +72,8 @@ class Watched(Standing):
     def answered(self, content: Content, _: Record) -> None:
         """A command was answered."""
         self.questions.pop(content["command"], None)
+        if content.get("text") == OBSTRUCTED:
+            self.stopped.add(content["command"])
 
     def did(self, content: Content, record: Record) -> None:
         """A step was done."""
@@ -105,6 +110,9 @@ class Watched(Standing):
         for each in content["adds"]:
             self.holds[each] = self.number
         self._meet(self.holds if opened & self.index.general else content["adds"])
+        for name, seen in content.get("bodies", {}).items():
+            self.met.pop(name, None)
+            self.met |= {name: seen} if seen else {}
 
     def _meet(self, facts: Iterable[str]) -> None:
         """Some facts hold from now on, and so do the goals that they meet, unless these are given up."""

@@ -13,7 +13,7 @@ from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, alone, unit
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, perform
 from engine.pipelines.execution.meeting import by_another_way, nobody_knows, rerouted, what_stopped
-from engine.pipelines.execution.planned import Ready, again
+from engine.pipelines.execution.planned import Ready, again, ready
 from engine.pipelines.execution.replies import exception_of, matched
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.silence import TIMEOUT, cleared_up
@@ -128,6 +128,9 @@ class ExceptionHandler:
         if isinstance(found, str):
             return GivesUp(found)
         self.scope = self.scope.narrowed(found.problem, state, found.given_up)
+        if found.starts is not None:  # another order could bring arms together
+            now_ms, since = self.course.driver.now_ms(), self.course.since
+            return ready(found.problem, found.plan, found.starts, now_ms, since=since)
         return self._from_now(found.problem, found.plan)
 
     def _from_now(self, problem: Problem, plan: Plan) -> Ready:

@@ -1,7 +1,8 @@
 """What the arm of a run can do in the cell as it is believed to be.
 
 Before a step is sent its motion is looked up from where the arm stands. What the arm meets, or a sensor sees, joins the cell. Where a
-step has no motion any more, planning goes on without it, until a plan moves, or none is left.
+step has no motion any more, planning goes on without it, until a plan moves, or none is left. Where several arms share the cell, a
+step is not sent either while it would meet another arm.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,9 +16,11 @@ from engine.model.execution import SEEN
 from engine.model.moves import MovedStep, Unmoved
 from engine.model.outcome import Found
 from engine.pipelines.attainment import GivenUp
+from engine.pipelines.execution.apart import Apart, going_home, moment_of
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.bars import told, without_blocked
 from engine.pipelines.moves.hands import Front, Where
+from engine.pipelines.moves.passing import kept_apart
 from engine.pipelines.moves.planning import MOST_BARS, with_times
 from engine.pipelines.moves.recognising import at_places, putting
 from engine.pipelines.moves.seen import Seen, seen_in, with_seen
@@ -43,11 +46,15 @@ class Rerouted:
     problem: Problem
     plan: Plan
     given_up: tuple[GivenUp, ...] = ()
+    starts: Mapping[StepId, int] | None = None  # where several arms keep apart
 
 
 @dataclass(eq=False)
 class Paths:
-    """The motions of a run of a problem. `cell` is the cell as its file has it, `met` what was seen beside."""
+    """The motions of a run of a problem. `cell` is the cell as its file has it, `met` what was seen beside.
+
+    After the steps in `home` arms go to where they rest, out of the way of others.
+    """
 
     problem: Problem
     cell: Cell
@@ -56,12 +63,15 @@ class Paths:
     met: dict[str, Seen] = field(default_factory=dict)
     planned: Walk | None = None  # the walk through the first plan, which knows its motions
     last: str = ""  # what was seen last
+    home: frozenset[Function] = frozenset()
+    _why: str = "it has no motion"  # the last step that was refused
     _refused: list[Unmoved] = field(default_factory=list)
     _before: dict[int, Where] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._walk = self.planned or self._fresh(self.problem)
         self._walk.hands.go_home()
+        self._apart = Apart.of(self.cell)
 
     def _fresh(self, problem: Problem) -> Walk:
         """The arm in the cell as it is believed to be, in a problem."""
@@ -83,18 +93,27 @@ class Paths:
         if isinstance(found, Unmoved):
             self._walk.hands.put(where)
             self._refused.append(found)
+            self._why = found.reason
             return f"{step} has no motion: {found.reason}"
+        if self._apart is not None:
+            found = self._walk.then_home(found, after) if step in self.home else found
+            self._why = self._apart.met(number, moment_of(self._walk, found, before, after), where)
+            if self._why:
+                self._walk.hands.put(where)
+                return f"{step} is not begun: {self._why}"
         self._before[number] = where
         return ""
 
     @property
     def reason(self) -> str:
         """Why the last step that was refused has no motion."""
-        return self._refused[-1].reason if self._refused else "it has no motion"
+        return self._why
 
     def done(self, number: int) -> dict[str, Any]:
         """A step has ended: where those arms are that it has moved, for the journal."""
         before = self._before.pop(number, None)
+        if self._apart is not None:
+            self._apart.ended(number)
         if before is None:
             return {}
         now = self._walk.hands.where()
@@ -103,6 +122,8 @@ class Paths:
     def stopped(self, number: int) -> None:
         """A step was stopped: its arms are where they were before it."""
         self._walk.hands.put(self._before.pop(number, {}))
+        if self._apart is not None:
+            self._apart.ended(number)
 
     def entry(self) -> dict[str, Any]:
         """What a checkpoint holds of it."""
@@ -166,15 +187,33 @@ class Paths:
                 self._refused.append(steps[-1])
                 continue
             moved = [each for each in steps if isinstance(each, MovedStep)]
-            problem, plan = with_times(replace(found.problem, domain=rest.domain), found.outcome.plan, moved)
+            made = self._in_time(walk, replace(found.problem, domain=rest.domain), found.outcome.plan, moved)
+            if isinstance(made, str):
+                return made
             self._walk = walk
             self._walk.hands.go_home()
             self._walk.hands.put(where)
-            given_up = tuple(replace(each, why=self._why(each)) for each in found.given_up)
-            return Rerouted(problem, plan, given_up)
+            return replace(made, given_up=tuple(replace(g, why=self._lost(g)) for g in found.given_up))
         return f"{len(self._refused)} steps have no motion; the last: {told(self._refused[-1:])}"
 
-    def _why(self, given_up: GivenUp) -> str:
+    def _in_time(
+        self, walk: Walk, problem: Problem, plan: Plan, moved: Sequence[MovedStep]
+    ) -> Rerouted | str:
+        """A plan with the times of its motions, in which several arms keep apart; why they cannot."""
+        if self._apart is None:
+            return Rerouted(*with_times(problem, plan, moved))
+
+        def lasting(plan: Plan, steps: Sequence[MovedStep]) -> Plan:
+            return with_times(problem, plan, steps)[1]
+
+        where = self._walk.hands.where()
+        shared = kept_apart(walk, plan, lasting, self._apart.encounters, {}, where)
+        if isinstance(shared, str):
+            return f"the arms get in each other's way: {shared}"
+        self.home = going_home(walk.cell, shared.steps)
+        return Rerouted(*with_times(problem, shared.plan, shared.steps), starts=shared.starts)
+
+    def _lost(self, given_up: GivenUp) -> str:
         return f"{given_up.why}; {told(self._refused)}" if self._refused else given_up.why
 
 

@@ -1,21 +1,25 @@
 """Where the arms and bodies of a cell are while a run goes on, found from its journal.
 
 A journal says which step was under way and since when, not how the arm went. So each step gets the motion that planning would
-give it, from where the arm was, and the motion takes the time that the step took.
+give it, from where the arm was, and the motion takes the time that the step took. What the arm has met is in the way from then on; a
+step that was stopped leaves the arm where it was.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from engine.model.execution import Record, RecordKind
+from engine.model.execution import OBSTRUCTED, SEEN, Record, RecordKind
 from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.records import read_atom
 from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.hands import Where
+from engine.pipelines.moves.seen import seen_in, with_seen
 from engine.pipelines.moves.steps import guide_value
 from engine.pipelines.moves.walking import Walk, operation_of
 from engine.ports import GeometryBackend
@@ -48,6 +52,11 @@ class Retracing:
     facts: frozenset[Atom]
     number: int = 0
     _changes: dict[int, Mapping[str, list[str]]] = field(default_factory=dict)
+    _met: dict[str, Any] = field(default_factory=dict)
+    _stood: dict[int, Where] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._cell = self.walk.cell
 
     @classmethod
     def of(cls, problem: Problem, cell: Cell, backend: GeometryBackend, seed: int = 0) -> "Retracing":
@@ -63,6 +72,11 @@ class Retracing:
                 self._changes = {each["id"]: each for each in content["steps"]}
             case RecordKind.DONE | RecordKind.WORLD:
                 self.facts = self._after(content)
+                if content.get("bodies"):
+                    self._sees(content["bodies"])
+            case RecordKind.REPLY:
+                stood = self._stood.pop(content["command"], {})
+                self.walk.hands.put(stood if content.get("text") == OBSTRUCTED else {})
             case RecordKind.COMMAND if content.get("step") in self._changes:
                 return self._begun(record, self._changes[content["step"]])
             case _:
@@ -73,12 +87,24 @@ class Retracing:
         ended = set(map(read_atom, change.get("ends", ())))
         return (self.facts - ended) | set(map(read_atom, change.get("adds", ())))
 
+    def _sees(self, told: Mapping[str, Any]) -> None:
+        """Some bodies were seen: they are in the way from now on, or are where a fact puts them."""
+        self._met = {name: each for name, each in {**self._met, **told}.items() if each}
+        seen, _ = seen_in({SEEN: self._met}, self._cell)
+        where, lying = self.walk.hands.where(), {each.name: each.T_world for each in seen}
+        known = {name: T for name, T in lying.items() if name in self._cell.bodies}
+        self.walk = Walk(
+            self.walk.semantics, with_seen(self._cell, seen), self.walk.backend, self.walk.seed, lying=known
+        )
+        self.walk.hands.put(where)
+
     def _begun(self, record: Record, change: Mapping[str, list[str]]) -> Taken | None:
         action = read_atom(record.content["action"])
         operation = operation_of(self.walk.cell, action)
         if operation is None:
             return None
         step, after = Step(StepId(record.content["step"]), action), self._after(change)
+        self._stood[record.content["command"]] = self.walk.hands.where()
         motion = self.walk.step(step, operation, self.facts, after)
         return Taken(record.number, record.content["command"], motion, self.facts, after)
 

@@ -14,6 +14,7 @@ from engine.model.moves import MovedStep, Unmoved
 from engine.model.outcome import Infeasible
 from engine.model.passing import Pair, Passed, Sharing
 from engine.pipelines.moves.arms import arms_of
+from engine.pipelines.moves.hands import Where
 from engine.pipelines.moves.meetings import Encounters, Found, found
 from engine.pipelines.moves.states import states_of
 from engine.pipelines.moves.tracks import Moment
@@ -43,14 +44,22 @@ class Shared:
 
 
 def kept_apart(
-    walk: Walk, plan: Plan, lasting: Lasting, encounters: Encounters, release: Mapping[StepId, int]
+    walk: Walk,
+    plan: Plan,
+    lasting: Lasting,
+    encounters: Encounters,
+    release: Mapping[StepId, int],
+    start: Where | None = None,
 ) -> Shared | str:
-    """The plan in which the arms keep apart, with the least makespan that is found; why there is none, if none is found."""
-    first, where = _tried(walk, plan, lasting, encounters, release)
+    """The plan in which the arms keep apart, with the least makespan that is found; why there is none, if none is found.
+
+    Arms begin where they rest, or where `start` has them.
+    """
+    first, where = _tried(walk, plan, lasting, encounters, release, start)
     resting = frozenset(after for _, after, _ in where.meetings.rests if after is not None) if where else None
     if not resting or (isinstance(first, Shared) and first.makespan <= makespan(lasting(plan, first.steps))):
         return first
-    second, _ = _tried(walk, plan, lasting, encounters, release, resting)
+    second, _ = _tried(walk, plan, lasting, encounters, release, start, resting)
     if isinstance(second, str) or (isinstance(first, Shared) and first.makespan <= second.makespan):
         return first
     return second
@@ -62,17 +71,18 @@ def _tried(
     lasting: Lasting,
     encounters: Encounters,
     release: Mapping[StepId, int],
+    start: Where | None,
     home: Collection[StepId] = (),
 ) -> tuple[Shared | str, Found | None]:
     """The answer where arms go home after some steps, and where they can meet then."""
     steps: list[MovedStep] = []
-    for each in walk.steps(plan, home):
+    for each in walk.steps(plan, home, start):
         if isinstance(each, Unmoved):
             return each.reason, None
         steps.append(each)
     timed = lasting(plan, steps)
     known = frozenset((one, step) for step, all_ in timed.predecessors().items() for one in all_)
-    where = found(moments_of(walk, timed, steps), known, encounters)
+    where = found(moments_of(walk, timed, steps, start), known, encounters)
     direct = frozenset((one, step.id) for step in timed.steps for one in step.after)
     durations = {step.id: step.duration for step in timed.steps}
     made = passed(Crossing(durations, direct, where.meetings, release), ScheduleLimits(WORK))
@@ -83,14 +93,24 @@ def _tried(
     return _shared(timed, steps, where, made), where
 
 
-def moments_of(walk: Walk, plan: Plan, steps: Sequence[MovedStep]) -> list[Moment]:
-    """Each step with the cell before and after it, in the order of the earliest starts."""
+def moments_of(
+    walk: Walk, plan: Plan, steps: Sequence[MovedStep], start: Where | None = None
+) -> list[Moment]:
+    """Each step with the cell before and after it, in the order of the earliest starts.
+
+    Before the first one arms are where they rest, or where `start` has them.
+    """
     moved = {each.step: each for each in steps}
     found = []
     for step, before, after in states_of(walk.semantics, plan):
         arms = arms_of(walk.cell, step.operator, operation_of(walk.cell, step.operator))
         worlds = walk.room(before).world, walk.room(after).world
         found.append(Moment(step.id, *worlds, moved.get(step.id), arms))
+    if found and start:
+        first = found[0].before
+        for arm, (q, _) in start.items():
+            first = first.moved(arm, q)
+        found[0] = replace(found[0], before=first)
     return found
 
 

@@ -85,7 +85,7 @@ def tracks(moments: Sequence[Moment], homes: Mapping[str, Floats]) -> dict[str, 
     for each in moments:
         for arm in each.arms if each.moved is not None else ():
             assert each.moved is not None
-            passages = tuple(_passages(each, arm, now[arm]))
+            passages = tuple(passages_of(each, arm, now[arm]))
             rides = any(leg.kind is LegKind.DRIVE and leg.arm == arm for leg in each.moved.legs)
             now[arm] = passages[-1].path[-1]
             rest = Passage(passages[-1].rider, now[arm][None])
@@ -93,7 +93,7 @@ def tracks(moments: Sequence[Moment], homes: Mapping[str, Floats]) -> dict[str, 
     return found
 
 
-def _passages(moment: Moment, arm: str, q: Floats) -> Iterator[Passage]:
+def passages_of(moment: Moment, arm: str, q: Floats) -> Iterator[Passage]:
     """Where an arm is in a step, from its configuration `q` (k,) on; at its end with what it holds then."""
     assert moment.moved is not None
     before, after = Rider(moment.before, arm), Rider(moment.after, arm)

@@ -74,7 +74,7 @@ class Walk:
                 continue
             found = self.step(step, operation, before, after)
             if isinstance(found, MovedStep) and step.id in home:
-                found = self._then_home(found, after)
+                found = self.then_home(found, after)
             yield found
             if isinstance(found, Unmoved):
                 return
@@ -99,7 +99,7 @@ class Walk:
             self.hands.arrive(*each)
         return replace(found, step=step.id)
 
-    def _then_home(self, moved: MovedStep, after: State) -> MovedStep:
+    def then_home(self, moved: MovedStep, after: State) -> MovedStep:
         """The step, after which its arms go home one by one; one stays where it is if no way leads there."""
         legs = list(moved.legs)
         for arm in dict.fromkeys(leg.arm for leg in moved.legs):

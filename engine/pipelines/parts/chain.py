@@ -8,7 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.outcome import Found, Outcome
+from engine.model.outcome import Found, GaveUp, Outcome
 from engine.pipelines.parts.memory import Memory
 from engine.pipelines.planning import searched
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
@@ -48,6 +48,8 @@ class Chain:
     def run(self, parts: Sequence[Part]) -> tuple[Part, Outcome] | None:
         """Plan all parts; the first that has no plan, and why, or None."""
         for part in parts:
+            if self.limits.interrupted():
+                return part, GaveUp("the search was stopped", "time")
             outcome = self._serve(part)
             if not isinstance(outcome, Found):
                 return part, outcome

@@ -25,6 +25,7 @@ from kb.targets import CELL_FILE
 from kb.terms import Atom
 
 OPTIONS = ("obstacles", "really")
+NAMED = "write `cell: NAME`, and below `fixtures:` the bodies, as in a cell.yaml"
 
 
 @dataclass
@@ -96,16 +97,29 @@ def _really(text: str, problem: Problem, start: frozenset[Atom]) -> tuple[Atom, 
 
 
 def _bodies(file: str, cell: Cell) -> Mapping[str, Body]:
-    found = load_cell(Path(file)).bodies
+    read = _read(Path(file))
+    found, others = read.bodies, {*read.arms, *read.places, *read.zones}
+    if others:
+        said = f"it has more than bodies: {', '.join(sorted(others))}"
+        raise _refused(file, "K405", said, "keep only what stands in the way, under `fixtures`")
     if not found:
-        raise _refused(
-            file, "K405", "there is no body in it", "name bodies under `fixtures`, as in a cell.yaml"
-        )
-    for name in found:
+        raise _refused(file, "K405", "there is no body in it", NAMED)
+    for name, body in found.items():
+        if not body.shapes:
+            raise _refused(
+                file, "K405", f"'{name}' has no shapes, so nothing can touch it", "give it `shapes`"
+            )
         if name in cell.bodies or name in cell.arms or name in cell.frames:
             hint = "choose another name; say where a known body is with --option really=FACTS"
             raise _refused(file, "K104", f"the cell has a '{name}' already", hint)
     return found
+
+
+def _read(file: Path) -> Cell:
+    """The cell in a file of obstacles. Raises `InvalidInput`, for an empty file with what belongs into it."""
+    if file.is_file() and not file.read_bytes().strip():
+        raise _refused(str(file), "K002", "the file is empty", NAMED)
+    return load_cell(file)
 
 
 def moving_cell(domain: str) -> Cell:

@@ -19,6 +19,7 @@ from engine.stages.motion.severing import severed
 
 REACH = 1.0  # rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least work
 NODES = 20_000  # of each tree
+EARLY = 50_000  # configurations looked at before it is asked whether there is a path at all
 GOLDEN = (5**0.5 - 1) / 2
 UNSEEN = "the path touches something that the strategy did not look at, such as two parts of the hand"
 
@@ -29,13 +30,23 @@ def plan(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer
     Goals that are not allowed are left out, as long as one is. Raises `ValueError` for arrays of another shape, and for a
     strategy that needs a hand where none is given.
     """
-    found = tried(ground, query, hand)
-    if not isinstance(found, Blocked):
-        return found
-    start, goals = _checked(ground.scene.joints, query)
-    _, allowed = refusals(ground, start, goals, query.margin_m)
-    asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
-    return replace(found, severed=severed(ground, asked))
+    found = tried(ground, replace(query, budget=min(query.budget, EARLY)), hand)
+    if isinstance(found, Blocked):
+        start, goals = _checked(ground.scene.joints, query)
+        _, allowed = refusals(ground, start, goals, query.margin_m)
+        asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
+        found = replace(found, severed=severed(ground, asked))
+    return tried(ground, query, hand) if query.budget > EARLY and _is_open(found, query) else found
+
+
+def _is_open(answer: Answer, query: Query) -> bool:
+    """Whether more work than was allowed first could have another answer."""
+    match answer:
+        case Moved():
+            return query.proved and not answer.proved
+        case Blocked():
+            return answer.severed is None and answer.looked >= EARLY
+    return False
 
 
 def tried(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer:

@@ -110,7 +110,8 @@ def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Ite
             yield from _comparison(part, bindings)
         case StateAggregate():
             tuples = _collected(part, facts, bindings, below)
-            yield from fitting(part, bindings, tuples, _collected(part, below, bindings, facts))
+            others = tuples if below is facts else _collected(part, below, bindings, facts)
+            yield from fitting(part, bindings, tuples, others)
         case Aggregate(text):
             raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
 

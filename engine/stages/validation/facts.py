@@ -1,6 +1,6 @@
 """Sets of facts in layers, in which the checker looks atoms up by predicate and by argument."""
 
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Set
 
 from kb.model.domain import NUMERIC_TYPES, OBJECT
 from kb.terms import Atom, Function, Number, Term, Text, is_ground
@@ -98,3 +98,24 @@ class Facts:
         if type_ == "text":
             return isinstance(term, Text)
         return type_ == OBJECT or Function(type_, (term,)) in self
+
+
+class Deduced(Facts):
+    """Facts that are completed with what follows from them when one of the predicates that follow is first asked for."""
+
+    def __init__(
+        self, atoms: Iterable[Atom], below: Facts, follow: Collection[str], complete: Callable[[], None]
+    ) -> None:
+        """Facts to which `complete` adds all atoms of the predicates in `follow`."""
+        super().__init__(atoms, below)
+        self._follow, self._complete = follow, complete
+
+    def _extent(self, name: str) -> Mapping[Atom, None]:
+        if name in self._follow:
+            self.settle()
+            self._complete()
+        return super()._extent(name)
+
+    def settle(self) -> None:
+        """Take the facts as they are: what follows has been added, or is being added."""
+        self._follow = ()

@@ -162,7 +162,7 @@ class Links:
     def _stages_held(self) -> dict[Atom, set[StepId]]:
         """The atoms that held when they reached a stage, and the steps with which they did."""
         found: dict[Atom, set[StepId]] = {}
-        for own in self.stages.reached().values():
+        for own in self.stages.trail():
             for each in own:
                 for atom in each.held:
                     found.setdefault(atom, set()).add(each.step)

@@ -14,7 +14,7 @@ from engine.stages.validation.changes import Denial, State, StepChange, well_typ
 from engine.stages.validation.datalog import Bindings, bound, solve
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.evaluated import Evaluated
-from engine.stages.validation.facts import Facts
+from engine.stages.validation.facts import Deduced, Facts
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import guard
 from kb.graphs import components, reached
@@ -99,8 +99,7 @@ class Semantics:
 
     def facts(self, state: Iterable[Atom] | Facts) -> Facts:
         """A state with its derived atoms, on top of the static facts."""
-        facts = Facts((), self.layer(state))
-        self._derivation.add(facts)
+        facts = Deduced((), self.layer(state), self._rules, lambda: self._derivation.add(facts))
         return facts
 
     def layer(self, state: Iterable[Atom] | Facts) -> Facts:
@@ -109,8 +108,14 @@ class Semantics:
 
     def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom]) -> tuple[Facts, Facts]:
         """What is true in every state between two sets of atoms, and what can be true, with derived atoms."""
-        lower, upper = Facts(certain, self.statics), Facts(possible, self.statics)
-        self._derivation.bound(lower, upper)
+
+        def complete() -> None:
+            lower.settle()
+            upper.settle()
+            self._derivation.bound(lower, upper)
+
+        lower = Deduced(certain, self.statics, self._rules, complete)
+        upper = Deduced(possible, self.statics, self._rules, complete)
         return lower, upper
 
     @cached_property

@@ -135,10 +135,9 @@ class ChainProgress:
         Those that held before their step and hold at the end are left out if nothing waits for them: they are reached in
         every order.
         """
-        trail = self.readings[max(self.readings, key=sum)]
         found: dict[str, tuple[Reached, ...]] = {}
         awaited: set[str] = set()
-        for chain, own in zip(reversed(self.chains), reversed(trail), strict=True):
+        for chain, own in zip(reversed(self.chains), reversed(self.trail()), strict=True):
             while own and chain.name not in awaited and self._holds_at_last(own[-1]):
                 own = own[:-1]
             found[chain.name] = own
@@ -146,11 +145,14 @@ class ChainProgress:
                 awaited.update(chain.after)
         return found
 
+    def trail(self) -> Trail:
+        """The stages that each chain has reached, in their order, in the most advanced reading."""
+        return self.readings[max(self.readings, key=sum)]
+
     def steps_of(self, name: str) -> tuple[StepId, ...]:
         """The steps with which a chain has reached its stages, in their order, in the most advanced reading."""
-        trail = self.readings[max(self.readings, key=sum)]
         place = next(n for n, chain in enumerate(self.chains) if chain.name == name)
-        return tuple(each.step for each in trail[place])
+        return tuple(each.step for each in self.trail()[place])
 
     def _holds_at_last(self, reached: Reached) -> bool:
         return bool(reached.held) and holding(self.state)(reached.stage)

@@ -69,3 +69,13 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     assert run(app, ["plan", "bulkhead/one_point", "-o", str(link)]).exit_code == 0
     assert link.is_symlink()
     assert json.loads(file.read_text("utf-8"))
+
+
+def test_a_plan_file_of_a_pddl_task_says_how_to_check_it(tmp_path: Path) -> None:
+    domain, task, file = (tmp_path / name for name in ("domain.pddl", "task.pddl", "plan.json"))
+    domain.write_text("(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))", "utf-8")
+    task.write_text("(define (problem t) (:domain d) (:init) (:goal (p)))", "utf-8")
+    assert run(app, ["plan", "--pddl", str(domain), str(task), "-o", str(file)]).exit_code == 0
+    result = run(app, ["validate", str(file)])
+    assert (result.exit_code, "PDDL: here a domain in YAML is wanted" in result.output) == (2, True)
+    assert "validate --pddl DOMAIN PROBLEM PLAN" in " ".join(result.output.split())

@@ -8,13 +8,21 @@ import pytest
 pytest.importorskip("numpy")
 
 from engine.model.execution import Finish, Record, RecordKind
+from engine.model.moves import LegKind, MovedStep
 from engine.pipelines import objective
 from engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
+from engine.pipelines.execution.apart import going_home
 from engine.pipelines.execution.paths import Paths
+from engine.pipelines.execution.retracing import Retracing
 from engine.pipelines.moves.planning import plan_moving
-from engine.pipelines.moves.seen import Seen
+from engine.pipelines.moves.seen import Seen, with_seen
 from engine.pipelines.planning import problem_of
+from engine.pipelines.simulator.obstructed import closely
 from engine.plugins import geometry_backend
+from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.ground import Ground
+from engine.stages.geometry.world.model import World
+from engine.stages.geometry.world.scenes import scene_of
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.loader.cell import cell_of
@@ -23,6 +31,13 @@ from kb.model.shapes import Pose
 from tests.engine.pipelines.moves.test_moves import SUITS, kiln_room
 
 CRATE = "cell: surprise\nfixtures:\n  {name}: {{at: [{at}], shapes: [{{box: [{box}]}}]}}\n"
+WRONG = {
+    "without bodies": "cell: surprise\n",
+    "without shapes": "cell: surprise\nfixtures:\n  crate: {at: [0, 0, 1]}\n",
+    "with an arm": "cell: surprise\narms:\n  other: {model: ur5}\n",
+    "empty": "\n",
+    "a list": "- crate\n",
+}
 
 
 class Killed(BaseException):
@@ -54,9 +69,10 @@ def executed(asked: Wanted, kill_after: int = 0, *seen: Seen) -> tuple[Finish, l
     What was `seen` since the plan was made stands in the cell.
     """
     told = problem_of(asked.target)
-    moving = plan_moving(told, cell_of(asked.target), geometry_backend(), _planned)
+    moving = plan_moving(told, cell_of(asked.target), geometry_backend(), planned)
     assert moving.walk is not None
-    paths = Paths(moving.problem, moving.walk.cell, planned=moving.walk)
+    home = going_home(moving.walk.cell, moving.steps)
+    paths = Paths(moving.problem, moving.walk.cell, planned=moving.walk, home=home)
     paths.sees(seen, frozenset())
     entered, records, done = named(asked, told), list[Record](), 0
 
@@ -76,7 +92,7 @@ def executed(asked: Wanted, kill_after: int = 0, *seen: Seen) -> tuple[Finish, l
     return ending, records
 
 
-def _planned(problem: Problem) -> objective.Run:
+def planned(problem: Problem) -> objective.Run:
     return objective.plan(problem, Limits(20_000))
 
 
@@ -124,6 +140,30 @@ def test_where_no_way_is_left_the_run_stops_with_the_reason(tmp_path: Path) -> N
     assert "crate" in ending.why
 
 
+def test_a_run_is_retraced_with_what_its_arm_has_met(tmp_path: Path) -> None:
+    """The arm goes back from what it meets, and the step that follows begins where it was before, around that body."""
+    target = room(tmp_path / "room")
+    _, records = executed(
+        wanted(tmp_path, target, obstacles=crate(tmp_path, "0.5, 0.0, 0.2", "0.06, 0.06, 0.4"))
+    )
+    retracing = Retracing.of(problem_of(target), cell_of(target), geometry_backend())
+    taken = [found for each in records if (found := retracing.take(each)) is not None]
+    stopped = {each.content["command"] for each in records if each.content.get("text") == "obstructed"}
+    (met,) = [n for n, each in enumerate(taken) if each.command in stopped]
+    first, again = taken[met].motion, taken[met + 1].motion
+    assert isinstance(first, MovedStep)
+    assert isinstance(again, MovedStep)
+    assert (first.legs[0].path[0] == again.legs[0].path[0]).all()
+    whole = Seen("crate", Pose((0.5, 0.0, 0.2)), (0.06, 0.06, 0.4))
+    world = World.of(with_seen(cell_of(target), [whole]))
+    ground = Ground(BuiltinChecker(scene_of(world)))
+    touches = [
+        any(ground.collides(closely(leg.path)).any() for leg in each.legs if leg.kind is LegKind.WAY)
+        for each in (first, again)
+    ]
+    assert touches == [True, False]
+
+
 def test_a_step_that_has_no_motion_any_more_is_not_sent(tmp_path: Path) -> None:
     target = room(tmp_path / "room")
     screen = Seen("screen", Pose((0.45, 0.2, 0.25)), (0.2, 0.2, 0.1))
@@ -166,17 +206,22 @@ def test_without_motion_a_run_stops_where_its_arm_meets_something(tmp_path: Path
         ({"really": "stands(brick)"}, "K101"),
         ({"obstacles": "nothing.yaml"}, "K001"),
         ({"obstacles": "oven"}, "K104"),
-        ({"obstacles": "empty"}, "K405"),
+        ({"obstacles": "without bodies"}, "K405"),
+        ({"obstacles": "without shapes"}, "K405"),
+        ({"obstacles": "with an arm"}, "K405"),
+        ({"obstacles": "empty"}, "K002"),
+        ({"obstacles": "a list"}, "K005"),
     ],
 )
 def test_what_cannot_be_hidden_is_told(options: dict[str, str], code: str, tmp_path: Path) -> None:
     target = room(tmp_path / "room")
     if options.get("obstacles") == "oven":
         options = {"obstacles": crate(tmp_path, "0, 0, 0", "1, 1, 1", name="oven")}
-    elif options.get("obstacles") == "empty":
-        (tmp_path / "empty.yaml").write_text("cell: surprise\n")
-        options = {"obstacles": str(tmp_path / "empty.yaml")}
+    elif options.get("obstacles") in WRONG:
+        (tmp_path / "wrong.yaml").write_text(WRONG[options["obstacles"]])
+        options = {"obstacles": str(tmp_path / "wrong.yaml")}
     asked, told = wanted(tmp_path, target, **options), problem_of(target)
     with pytest.raises(InvalidInput) as error:
         begin(named(asked, told), told, Timed())
     assert [each.code for each in error.value.diagnostics] == [code]
+    assert "domain:" not in error.value.diagnostics[0].hint

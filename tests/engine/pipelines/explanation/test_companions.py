@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 
 from engine.formats.report.explanation import explanation as text
-from engine.model.outcome import Found
+from engine.model.outcome import Found, Infeasible
 from engine.pipelines import planning
 from engine.pipelines.explanation import changed, explain
+from engine.pipelines.explanation.companions import companions
+from engine.pipelines.explanation.culprits import minimal_goals
 from kb.loader import load_problem
 from kb.model.problem import Problem
 
@@ -95,5 +97,7 @@ def test_a_step_of_two_events_is_told_by_the_second_one(cell: Write) -> None:
 @pytest.mark.slow
 def test_one_tube_alone_needs_another_one_in_the_bundled_rotor() -> None:
     problem = planning.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
-    first = explain(problem).changes[0]
-    assert (first.kind, list(map(str, first.facts)), first.proof) == ("add stage", ["spun(tube_2, 300)"], 8)
+    goals = minimal_goals(problem, lambda each: isinstance(planning.plan(each), Infeasible))
+    change, found = next(companions(problem, goals, planning.plan))
+    assert (change.kind, list(map(str, change.facts))) == ("add stage", ["spun(tube_2, 300)"])
+    assert len(found.plan.steps) == 8

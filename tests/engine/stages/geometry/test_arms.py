@@ -317,3 +317,17 @@ def test_arrays_of_another_width_are_refused(model: ArmModel) -> None:
     for shape in ((4, 4), (2, 3, 4), (2, 5, 4), (2, 4, 3)):
         with pytest.raises(ValueError, match="poses must be"):
             InverseKinematics(model).solve(np.zeros(shape))
+
+
+@pytest.mark.parametrize("name", ["manutec_r3", "puma_560"])
+def test_published_limits_lie_around_the_arm_that_is_stretched_upward(
+    models: dict[str, ArmModel], name: str
+) -> None:
+    """Shoulder and elbow may turn as far to the one side as to the other, and the elbow never folds wholly."""
+    model = models[name]
+    lower, upper = model.joints.lower, model.joints.upper
+    straight = np.zeros(6)
+    straight[1:3] = (lower[1:3] + upper[1:3]) / 2
+    heights = model.flange_pose(model.random(5_000, np.random.default_rng(0)))[:, 2, 3]
+    assert model.flange_pose(straight)[2, 3] > heights.max() - 0.02
+    assert upper[2] - lower[2] < 2 * math.pi
