@@ -15,7 +15,6 @@ from engine.model.moves import Leg, LegKind
 from engine.pipelines.moves.hands import corners_s
 from engine.pipelines.placing.holding import HAND
 from engine.pipelines.witness.model import quaternion
-from engine.pipelines.witness.servos import PACE
 from engine.pipelines.witness.stage import Stage
 from engine.pipelines.witness.touches import body_of
 from engine.pipelines.workshop.hands import CLOSE_S, Hand, hand_of
@@ -26,7 +25,6 @@ from engine.stages.grasping.placements import volume_and_centre
 from kb.model.cell import Body, BodyKind, Cell, Placement
 from kb.model.scene import Scene
 
-LOOK_S = 1e-3  # between moments whose difference tells speeds
 SETTLE_S = 0.3  # until the servos have caught up
 EMPTY_FACTOR, CARRY_FACTOR = 0.6, 0.3  # shares of the full speed and acceleration
 GRAVITY = 9.81  # m/s2
@@ -79,19 +77,18 @@ class Workshop:
         leg = Leg(LegKind.WAY, self.arm, path, corners_s(mounted.arm, path, factor), True)
         began = self.seconds
         while (t := self.seconds - began) < leg.seconds:
-            self.aim(leg.at(t), _ahead(leg, t))
+            self.aim(leg.at(t))
             self._tick()
             if until is not None and until():
-                self.aim(self.q)
                 return False
         self.aim(path[-1])
         self.wait(SETTLE_S)
         return until is None or not until()
 
-    def aim(self, q: Floats, ahead: Floats | float = 0.0) -> None:
-        """Aim the servos of the arm at joint values (k,), and so far `ahead` of them (k,) that they do not lag."""
+    def aim(self, q: Floats) -> None:
+        """Aim the servos of the arm at joint values (k,)."""
         self.q = q
-        for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q + ahead, strict=True):
+        for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q, strict=True):
             self.stage.aim(f"{self.arm}/{joint.name}", float(value))
 
     def open_for(self, opening: Sequence[float]) -> None:
@@ -168,17 +165,6 @@ class Workshop:
             contact = stage.data.contact[number]
             mujoco.mj_contactForce(stage.model, stage.data, number, force)
             yield frozenset(body_of(stage.model, geom) for geom in contact.geom), abs(float(force[0]))
-
-
-def _ahead(leg: Leg, t: float) -> Floats:
-    """How far ahead (k,) of where an arm should be on a leg its servos are aimed, as they would lag by that.
-
-    Each joint follows as a mass on a critically damped spring does: x'' + 2 w x' + w^2 x = w^2 u.
-    """
-    before, now, after = (leg.at(max(t + each, 0.0)) for each in (-LOOK_S, 0.0, LOOK_S))
-    speed, acceleration = (after - before) / (2 * LOOK_S), (after - 2 * now + before) / LOOK_S**2
-    found: Floats = 2 * speed / PACE + acceleration / PACE**2
-    return found
 
 
 def _with_hand(scene: Scene, hand: Hand) -> Cell:
