@@ -93,7 +93,7 @@ def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two
         for move, carries in two.moves
     }
     part, most = max(doubts.items(), key=lambda each: each[1])
-    scene = replace(yard.site.scene, tolerance_m=most * 0.9)
+    scene = replace(yard.site.scene, tolerance_m=most * 0.95)
     strict = replace(two, yard=replace(yard, site=replace(yard.site, scene=scene)))
     done = running.executed(strict, DOMAIN)
     assert done.runs[-1].outcome == "reached", done.runs

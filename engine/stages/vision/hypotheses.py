@@ -24,6 +24,7 @@ LENGTH_M = 0.004
 INSIDE = 0.85
 THROUGH = 0.2
 STEP = 4.0  # of the noise
+LITTLE = 0.5  # points
 FACING = 0.35  # cosine: of a flatter surface, the next pixel already lies much deeper
 
 
@@ -106,7 +107,11 @@ def _lines_of(edges: Floats) -> Lines:
 
 
 def hypotheses(model: Model, regions: list[Region], image: DepthImage, most: int) -> Floats:
-    """The likeliest poses T_camera_part (h, 4, 4), at most `most`, the likeliest first."""
+    """The likeliest poses T_camera_part (h, 4, 4), at most `most`, the likeliest first.
+
+    Each match of a region with a facet has its turn: what speaks for a pose counts the less, the more others of the same match come before it. A part of
+    which little is seen would else stand behind all the ways in which a larger thing could be a part like it.
+    """
     poses, worth = [np.zeros((0, 4, 4))], [np.zeros(0)]
     for region in regions:
         for n in model.facets:
@@ -115,11 +120,18 @@ def hypotheses(model: Model, regions: list[Region], image: DepthImage, most: int
             if len(turn):
                 found = _poses(turn, shift, region, model, n)
                 poses.append(found)
-                worth.append(_worth(found, model, image))
+                worth.append(_in_turn(_worth(found, model, image)))
     every, value = np.concatenate(poses), np.concatenate(worth)
     order = np.argsort(-value, kind="stable")[:most]
     chosen: Floats = every[order[value[order] > 0]]
     return chosen
+
+
+def _in_turn(worth: Floats) -> Floats:
+    """What speaks for poses of one match (h,), divided by their rank among them. One for which nothing speaks or against counts a little."""
+    rank = np.empty(len(worth))
+    rank[np.argsort(-worth, kind="stable")] = np.arange(1, len(worth) + 1)
+    return (worth + LITTLE) / rank
 
 
 def _matches(seen: Lines, edges: Lines) -> tuple[Floats, Floats]:

@@ -1,6 +1,6 @@
 """Where a part is in a depth image, or why that cannot be said."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from engine.model.geometry import Floats, Truths
 from engine.model.vision import DepthImage, Hypothesis, Located, NotLocated, Sighting
 from engine.stages.vision.hypotheses import Model, hypotheses
 from engine.stages.vision.outlines import Region, regions_of
-from engine.stages.vision.refinement import View, judged, look, refined
+from engine.stages.vision.refinement import View, judged, look, refined, settled
 
 TRIED, BETTERED, REFINED = (
     30,
@@ -32,7 +32,7 @@ CARRIED = 0.15  # the share of a part's surroundings that must be as high as the
 class Demands:
     """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead.
 
-    `off_px` is how far a piece of an edge may be off on average; less than a pixel, because between two pixels nothing is seen.
+    `within_m` is the standard deviation of its place in the direction that is told least. `off_px` is how far a piece of an edge may be off on average; less than a pixel, because between two pixels nothing is seen.
     """
 
     agreeing: float = 0.99
@@ -41,6 +41,7 @@ class Demands:
     off_px: float = 0.6
     pixels: int = 250
     ahead: float = 40.0
+    within_m: float = 0.0006
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,15 +75,15 @@ def sightings(
     Each comes with its covariance (6, 6).
     """
     begun = [*more, *hypotheses(model, list(regions), view.image, TRIED * 4)]
-    apart = [T for _, T in _ordered(model, view, _distinct(begun, model, TRIED + len(more)))[:BETTERED]]
+    apart = [T for _, T in _ordered(model, view, _distinct(begun, model, TRIED + len(more)), hope)[:BETTERED]]
     nearer = _ordered(model, view, [refined(model, view, T, 2)[0] for T in apart])
     alike = [refined(model, view, T @ S, 2)[0] for _, T in nearer[:1] for S in model.likenesses]
     nearer = sorted([*nearer, *_ordered(model, view, alike)], key=lambda pair: -pair[0])
     hopeful = [T for value, T in nearer if value > HOPELESS * nearer[0][0]]
     final: list[tuple[Hypothesis, Floats]] = []
     for T in _distinct(hopeful, model, REFINED):
-        pose, covariance = refined(model, view, T)
-        each = judged(model, view, pose)
+        pose, covariance = settled(model, view, T)
+        each = judged(model, view, pose, closely=True)
         final += [(each, covariance)] if each is not None else []
     return final
 
@@ -92,15 +93,23 @@ def stands(model: Model, T: Floats, view: View, ground: Ground) -> bool:
     return not below(model, T, ground) and _rests(model, T, view, ground)
 
 
-def _ordered(model: Model, view: View, poses: Sequence[Floats]) -> list[tuple[float, Floats]]:
+def _ordered(
+    model: Model, view: View, poses: Sequence[Floats], value: Callable[[Hypothesis], float] | None = None
+) -> list[tuple[float, Floats]]:
     """The poses of a part in the picture with what speaks for them, those first for which most does."""
-    found = [(worth(each), T) for T in poses if (each := judged(model, view, T)) is not None]
+    value = value or worth
+    found = [(value(each), T) for T in poses if (each := judged(model, view, T)) is not None]
     return sorted(found, key=lambda pair: -pair[0])
 
 
 def worth(one: Hypothesis) -> float:
     """How much speaks for a hypothesis: the pixels that show it, much less where some contradict it or its outline."""
     return one.pixels * one.agreeing**30 * one.edged**6
+
+
+def hope(one: Hypothesis) -> float:
+    """How much speaks for a pose that is not refined: where it is a little off, more of it is contradicted than of a wrong one that is larger than what it hides."""
+    return one.pixels * one.agreeing**4 * one.edged
 
 
 def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Demands) -> Sighting:
@@ -117,6 +126,9 @@ def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Dema
     reason = doubt(best, demands)
     if not reason and rivals and second is not None and best.evidence - second.evidence < demands.ahead:
         reason = "two poses explain the image equally well"
+    least = float(np.sqrt(max(np.linalg.eigvalsh(covariance[:3, :3])[-1], 0.0)))
+    if not reason and least > demands.within_m:
+        reason = f"nothing that is seen tells where it lies along one direction: give or take {1000 * least:.1f} mm"
     if reason:
         return NotLocated(reason, best, second)
     poses = tuple(best.T_camera_part @ S for S in model.symmetries)

@@ -4,7 +4,7 @@ The surface is compared along its normals (point to plane), and the outline squa
 the part ends is compared with the place where the measured surface ends.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,9 +16,12 @@ from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.kernels.rays import Range, draw
 from engine.stages.vision.kernels.rims import border, ends
 from engine.stages.vision.outlines import shrunk
-from engine.stages.vision.residuals import outline_off_px
+from engine.stages.vision.residuals import beside_edges, off_px
 
-ROUNDS = 6
+ROUNDS, MOST_ROUNDS = 6, 14  # of a refinement, and after those, until it is at rest
+LEAST_WITHIN = 3.0  # of the noise: what is farther from the surface is not compared in the end
+AT_REST_M, AT_REST_RAD = 1e-4, 2e-3  # a step so small is of whole pixels that change sides
+LAST = 3  # rounds at the end, in which the outline is compared with the edges themselves
 AGREES = 3.5  # of the noise
 BEFORE = 10.0  # of the noise: what is in front of the part by more hides it; by less, it contradicts it
 LATERAL_PX = 0.05  # the standard deviation of where beams meet a refined pose: on a steep surface, it is one of the depth, too
@@ -68,6 +71,13 @@ class Rim:
     shift_px: Floats
     continues: Truths
 
+    @property
+    def ended(self) -> Floats:
+        """The last pixel that shows the surface and the next one (n, 2, 2); nan where this cannot be seen."""
+        steps = self.shift_px[:, None] + [0.0, 1.0]
+        found: Floats = np.floor(self.at[:, None] + steps[..., None] * self.outward[:, None] + 0.5)
+        return found
+
 
 def look(model: Model, image: DepthImage, T: Floats, around_px: int = 8) -> Look | None:
     """The part's picture at a pose T_camera_part (4, 4), with some pixels around; None if it lies outside the image."""
@@ -87,8 +97,8 @@ def look(model: Model, image: DepthImage, T: Floats, around_px: int = 8) -> Look
     return Look(T, v0, u0, seen.depth, seen.owner, apart)
 
 
-def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
-    """What an image says of a pose; None if the part would not be in it."""
+def judged(model: Model, view: View, T: Floats, closely: bool = False) -> Hypothesis | None:
+    """What an image says of a pose; None if the part would not be in it. Only `closely`, the edges are looked at one by one."""
     image, seen = view.image, look(model, view.image, T)
     if seen is None:
         return None
@@ -112,7 +122,7 @@ def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
         float(good.sum() / max(told.sum(), 1)),
         agree,
         float(explained + ended) - AGREES**2 * through,
-        outline_off_px(model, image.camera, T, rim.at, rim.outward, rim.shift_px),
+        off_px(beside_edges(model, image.camera, T, rim.at, rim.outward, rim.ended)) if closely else 0.0,
     )
 
 
@@ -133,7 +143,10 @@ def outline(model: Model, view: View, seen: Look) -> Rim:
     u, v = at.astype(np.int64).T
     at += [float(seen.u0), float(seen.v0)]
     planes = _planes(model, image, seen.T)[seen.owner[v, u]]
-    shift, goes_on = ends(view.inverse, planes, at, outward, REACH_PX, AGREES * image.noise_m)
+    tolerance, corner = AGREES * image.noise_m, (seen.u0, seen.v0)
+    shift, goes_on = ends(
+        view.inverse, planes, at, outward, REACH_PX, tolerance, seen.depth, seen.owner, corner
+    )
     far = np.rint(at + (REACH_PX - 1) * outward).astype(np.int64)
     known = view.known[
         np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)
@@ -151,32 +164,67 @@ def _planes(model: Model, image: DepthImage, T: Floats) -> Floats:
 
 
 def refined(model: Model, view: View, T: Floats, rounds: int = ROUNDS) -> tuple[Floats, Floats]:
-    """The pose near to one that fits the image best, and its covariance (6, 6) about the part's origin."""
+    """The pose near to one that fits the image a little better after some rounds, and its covariance (6, 6) about the part's origin."""
     covariance = np.full((6, 6), np.inf)
     for round_ in range(rounds):
-        seen = look(model, view.image, T)
-        if seen is None:
+        bettered = _bettered(model, view, T, max(LEAST_WITHIN, 8.0 - 2.0 * round_))
+        if bettered is None:
             break
-        rows, lacks, weights = _equations(model, view, seen, max(3.0, 8.0 - 2.0 * round_))
-        if len(lacks) < 12:
-            break
-        normal = (rows * weights[:, None]).T @ rows
-        values, vectors = np.linalg.eigh(normal)
-        covariance = (vectors / np.maximum(values, 1e-6)) @ vectors.T
-        step = covariance @ (rows.T @ (weights * lacks))
-        T = T.copy()
-        T[:3, 3] += step[:3]
-        T[:3, :3] = turned(step[3:]) @ T[:3, :3]
-        if np.abs(step[:3]).max() < 2e-5 and np.abs(step[3:]).max() < 2e-4 and round_ > 2:
+        T, covariance, step = bettered
+        if round_ > 2 and np.abs(step[:3]).max() < 2e-5 and np.abs(step[3:]).max() < 2e-4:
             break
     return T, covariance
 
 
-def _equations(model: Model, view: View, seen: Look, within: float) -> tuple[Floats, Floats, Floats]:
+def settled(model: Model, view: View, T: Floats) -> tuple[Floats, Floats]:
+    """The pose near to one that fits the image best, and its covariance (6, 6) about the part's origin.
+
+    Pixels and places of the outline that belong to it change with the pose, so it may take many rounds. In the last ones, the outline is compared with
+    the edges themselves, which are not bound to pixels.
+    """
+    T, covariance = refined(model, view, T)
+    for closely, most in ((False, MOST_ROUNDS), (True, LAST)):
+        for _ in range(most):
+            bettered = _bettered(model, view, T, LEAST_WITHIN, closely)
+            if bettered is None:
+                break
+            T, told, step = bettered
+            covariance = covariance if closely else told  # places at corners are on no edge, but tell as much
+            if np.abs(step[:3]).max() < AT_REST_M and np.abs(step[3:]).max() < AT_REST_RAD:
+                break
+    return T, covariance
+
+
+def _bettered(
+    model: Model, view: View, T: Floats, within: float, closely: bool = False
+) -> tuple[Floats, Floats, Floats] | None:
+    """The pose after one step, its covariance (6, 6) and the step (6,); None if the image says too little."""
+    seen = look(model, view.image, T)
+    if seen is None:
+        return None
+    rows, lacks, weights = _equations(model, view, seen, within, closely)
+    if len(lacks) < 12:
+        return None
+    values, vectors = np.linalg.eigh((rows * weights[:, None]).T @ rows)
+    covariance: Floats = (vectors / np.maximum(values, 1e-6)) @ vectors.T
+    step: Floats = covariance @ (rows.T @ (weights * lacks))
+    found = T.copy()
+    found[:3, 3] += step[:3]
+    found[:3, :3] = turned(step[3:]) @ T[:3, :3]
+    return found, covariance, step
+
+
+def _equations(
+    model: Model, view: View, seen: Look, within: float, closely: bool
+) -> tuple[Floats, Floats, Floats]:
     """Rows (n, 6), what they lack in metres (n,), and weights (n,), for a displacement and a turn about the part's origin."""
     surface = _surface(model, view.image, seen, within)
-    rim = _rim(view.image, seen, outline(model, view, seen))
-    return tuple(np.concatenate(pair) for pair in zip(surface, rim, strict=True))  # type: ignore[return-value]
+    rim = outline(model, view, seen)
+    if closely:
+        beside = beside_edges(model, view.image.camera, seen.T, rim.at, rim.outward, rim.ended)
+        rim = replace(rim, outward=beside.outward, shift_px=beside.beyond_px)
+    ended = _rim(view.image, seen, rim)
+    return tuple(np.concatenate(pair) for pair in zip(surface, ended, strict=True))  # type: ignore[return-value]
 
 
 def _surface(model: Model, image: DepthImage, seen: Look, within: float) -> tuple[Floats, Floats, Floats]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Bytes, Floats, Truths, refuse_unless
+from engine.kernels.arrays import Bytes, Floats, Longs, Truths, refuse_unless
 
 AROUND, SQUARE = (
     4,
@@ -63,19 +63,36 @@ def _outward(inside: Bytes, u: int, v: int, ways: Floats, row: int) -> bool:
 
 
 def ends(
-    inverse: Floats, planes: Floats, at: Floats, outward: Floats, reach: int, tolerance_m: float
+    inverse: Floats,
+    planes: Floats,
+    at: Floats,
+    outward: Floats,
+    reach: int,
+    tolerance_m: float,
+    depth: Floats,
+    owner: Longs,
+    corner: tuple[int, int],
 ) -> tuple[Floats, Truths]:
     """How many pixels outside of border places at (n, 2) the measured surface ends, and where it goes on (n,).
 
     `inverse` are inverse depths (height, width), 0 where nothing is known; `planes` (n, 3) those of the surface, linear in
     the pixel. It is looked along `outward` (n, 2), up to `reach` pixels in both ways. The first is nan where no end is seen.
+
+    `depth` and `owner` (h, w) are the part's own picture, whose first pixel is `corner` (u, v) of the image. On the way from inside, its
+    other facets may be crossed, which lie elsewhere than the plane: where they are seen as deep as they are, the part goes on;
+    where they are not, this says nothing of where this facet ends.
     """
     count = len(at)
     refuse_unless("inverse depths", inverse, np.float64, inverse.shape)
     for what, array, columns in (("planes", planes, 3), ("places", at, 2), ("directions", outward, 2)):
         refuse_unless(what, array, np.float64, (count, columns))
+    refuse_unless("depths of the part", depth, np.float64, depth.shape)
+    refuse_unless("owners", owner, np.int64, depth.shape)
     shift, goes_on = np.full(count, np.nan), np.zeros(count, dtype=bool)
-    _ended(inverse, planes, at, outward, reach, tolerance_m, shift, goes_on.view(np.uint8))
+    u0, v0 = corner
+    _ended(
+        inverse, planes, at, outward, reach, tolerance_m, depth, owner, u0, v0, shift, goes_on.view(np.uint8)
+    )
     return shift, goes_on
 
 
@@ -86,19 +103,28 @@ def _ended(
     outward: Floats,
     reach: int,
     tolerance_m: float,
+    depth: Floats,
+    owner: Longs,
+    u0: int,
+    v0: int,
     shift: Floats,
     goes_on: Bytes,
 ) -> None:
     for n in range(at.shape[0]):
         on, near, first, deeper = 0, 0, reach + 1, False
+        own = _owner(owner, at[n, 0] - u0, at[n, 1] - v0)
         for step in range(-reach, reach + 1):
             u = math.floor(at[n, 0] + step * outward[n, 0] + 0.5)
             v = math.floor(at[n, 1] + step * outward[n, 1] + 0.5)
-            apart = _apart(inverse, planes, n, u, v)
+            other = _owner(owner, u - u0, v - v0) if step < 0 else own
+            if other >= 0 and other != own:
+                apart = _deeper(inverse, depth, u, v, u0, v0)
+            else:
+                apart = _apart(inverse, planes, n, u, v)
             if abs(apart) <= tolerance_m:
                 on += 1
                 near += 1 if step < 2 - reach else 0
-            elif apart < UNKNOWN and first > reach:
+            elif apart < UNKNOWN and first > reach and (other < 0 or other == own):
                 first, deeper = step, apart > 0.0
         if near > 0 and on >= 3:
             goes_on[n] = first > reach
@@ -107,6 +133,23 @@ def _ended(
 
 
 UNKNOWN = 1e30  # how much deeper the image is where nothing is measured
+
+
+def _owner(owner: Longs, u: float, v: float) -> int:
+    """Which facet of the part a pixel of its picture shows; negative if none."""
+    if u < 0.0 or v < 0.0 or u >= owner.shape[1] or v >= owner.shape[0]:
+        return -1
+    row, column = int(v), int(u)
+    return int(owner[row, column])
+
+
+def _deeper(inverse: Floats, depth: Floats, u: float, v: float, u0: int, v0: int) -> float:
+    """How much deeper, in metres, a pixel is than the part's picture."""
+    if u < 0.0 or v < 0.0 or u >= inverse.shape[1] or v >= inverse.shape[0]:
+        return UNKNOWN
+    row, column = int(v), int(u)
+    w = inverse[row, column]
+    return UNKNOWN if w <= 0.0 else float(1.0 / w - depth[row - v0, column - u0])
 
 
 def _apart(inverse: Floats, planes: Floats, n: int, u: float, v: float) -> float:

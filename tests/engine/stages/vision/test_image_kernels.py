@@ -41,12 +41,25 @@ def test_a_surface_ends_where_the_image_becomes_deeper_and_goes_on_where_it_does
     inverse = np.full((20, 40), 1.0)
     inverse[:, 23:] = 0.5
     planes, outward = np.tile([0.0, 0.0, 1.0], (3, 1)), np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    shift, goes_on = ends(
-        inverse, planes, np.array([[20.0, 5.0], [10.0, 5.0], [10.0, 10.0]]), outward, 5, 0.003
-    )
+    at = np.array([[20.0, 5.0], [10.0, 5.0], [10.0, 10.0]])
+    picture = np.zeros((20, 21)), np.zeros((20, 21), dtype=np.int64)
+    shift, goes_on = ends(inverse, planes, at, outward, 5, 0.003, *picture, (0, 0))
     assert shift[0] == 2.0
     assert np.isnan(shift[1:]).all()
     assert goes_on.tolist() == [False, True, True]
+
+
+def test_other_facets_of_the_part_that_lie_deeper_are_no_end_of_this_one() -> None:
+    """A narrow facet: what is crossed on the way to it lies elsewhere, and is seen where it is."""
+    inverse = np.full((20, 40), 0.5)
+    inverse[:, 10:19], inverse[:, 19:21] = 1 / 1.05, 1.0
+    planes, outward, at = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0]]), np.array([[20.0, 5.0]])
+    depth, owner = np.full((20, 11), 1.05), np.zeros((20, 11), dtype=np.int64)
+    depth[:, 9:], owner[:, 9:] = 1.0, 1
+    shift, _ = ends(inverse, planes, at, outward, 5, 0.003, depth, owner, (10, 0))
+    assert shift.tolist() == [0.0]
+    inverse[:, 16:18] = 0.8
+    assert ends(inverse, planes, at, outward, 5, 0.003, depth, owner, (10, 0))[0].tolist() == [0.0]
 
 
 @settings(max_examples=30, deadline=None)

@@ -6,9 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.kernels.rigid import rotation, transform
-from engine.model.vision import Camera
+from engine.model.vision import Camera, DepthImage
 from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.residuals import LEAST, outline_off_px
+from engine.stages.vision.images import rendered
+from engine.stages.vision.refinement import View, judged
+from engine.stages.vision.residuals import LEAST, beside_edges, off_px
 from tests.engine.stages.solids import block
 
 CAMERA = Camera.viewing(640, 480, 0.6, 1.0)
@@ -29,6 +31,12 @@ def outline(turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     return at @ R.T + CAMERA.centre_px, outward @ R.T
 
 
+def told(pose: np.ndarray, at: np.ndarray, outward: np.ndarray, shift: np.ndarray) -> float:
+    """How far the block at a pose is off where the surface ends so many pixels outside of its outline."""
+    ended = at[:, None] + (shift[:, None] + [-0.5, 0.5])[..., None] * outward[:, None]
+    return off_px(beside_edges(MODEL, CAMERA, pose, at, outward, ended))
+
+
 def test_every_edge_of_a_part_counts_once() -> None:
     assert len(Model(block(0.1, 0.06, 0.05)).ends) == 12
 
@@ -45,21 +53,36 @@ def test_one_side_that_is_off_is_told_by_as_much_as_it_is(
     ends = np.cumsum([0, 101, 101, 61, 61])
     shift = np.random.default_rng(seed).normal(0.0, 0.1, len(at))
     shift[ends[side] : ends[side + 1]] += off
-    found = outline_off_px(MODEL, CAMERA, pose, at, outward, shift)
-    assert found == pytest.approx(abs(off), abs=0.25)
+    assert told(pose, at, outward, shift) == pytest.approx(abs(off), abs=0.25)
 
 
 def test_a_side_that_is_turned_is_told_by_its_ends() -> None:
     at, outward = outline()
     shift = np.zeros(len(at))
     shift[:101] = np.linspace(-1.5, 1.5, 101)
-    assert outline_off_px(MODEL, CAMERA, T, at, outward, shift) > 1.0
+    assert told(T, at, outward, shift) > 1.0
 
 
 def test_noise_alone_is_averaged_out_and_few_places_tell_nothing() -> None:
     at, outward = outline()
     shift = np.random.default_rng(0).normal(0.0, 0.5, len(at))
-    assert outline_off_px(MODEL, CAMERA, T, at, outward, shift) < 0.5
+    assert told(T, at, outward, shift) < 0.5
     few = np.full(len(at), np.nan)
     few[: LEAST - 1] = 5.0
-    assert outline_off_px(MODEL, CAMERA, T, at, outward, few) == 0.0
+    assert told(T, at, outward, few) == 0.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(turn=st.floats(-3.0, 3.0), u=st.floats(-0.5, 0.5), v=st.floats(-0.5, 0.5))
+def test_pixels_of_a_part_in_its_place_are_no_contradiction(turn: float, u: float, v: float) -> None:
+    """Also along rows of pixels, and where a side that is seen edge on has two edges side by side."""
+    model = Model(block(0.1, 0.06, 0.02))
+    camera = Camera.viewing(320, 240, 0.3, 1.0)
+    pitch = 0.3 / 320
+    pose = T @ transform(rotation((0, 0, 1), turn), np.array([u * pitch, v * pitch, 0.0]))
+    shown = DepthImage(camera, rendered([(model.solid, pose)], camera)[0].depth, 0.001)
+    table = np.where(shown.depth > 0, shown.depth, 1.3)
+    view = View(DepthImage(camera, table, 0.001), np.zeros(table.shape, dtype=bool))
+    found = judged(model, view, pose, closely=True)
+    assert found is not None
+    assert found.off_px < 0.55
