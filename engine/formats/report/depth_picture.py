@@ -33,16 +33,11 @@ def picture(
     the line between its pads, and one back to the hand; the chosen one is yellow, all others are green. `edges` that were found in the
     image, each with both ends (2,) as (u, v), are cyan. `notes` are frames with what is said of them.
     """
-    depth = image.depth
-    seen = depth > 0
-    low, high = (float(x) for x in np.percentile(depth[seen], (0.5, 99.5))) if seen.any() else (0.0, 1.0)
-    grey = (235 - 200 * np.clip((depth - low) / max(high - low, 1e-6), 0, 1)).astype(np.uint8)
-    shown = np.where(seen[..., None], grey[..., None], np.array(NOTHING, dtype=np.uint8))
-    drawn = Image.fromarray(shown.astype(np.uint8))
+    drawn = _grey(image.depth)
+    pen = ImageDraw.Draw(drawn)
     for one, other in edges:
         line = [(float(one[0]), float(one[1])), (float(other[0]), float(other[1]))]
-        ImageDraw.Draw(drawn).line(line, fill=FOUND, width=3)
-    pen = ImageDraw.Draw(drawn)
+        pen.line(line, fill=FOUND, width=3)
     for solid, T_camera_part in parts:
         for facet in solid.facets:
             for ends in facet.edges:
@@ -53,11 +48,19 @@ def picture(
         ends = np.array([[-half, 0, -BACK_M], [-half, 0, 0], [half, 0, 0], [half, 0, -BACK_M]])
         u, v = image.camera.pixels(apply(T, ends))
         hand = [(float(x), float(y)) for x, y in zip(u, v, strict=True)]
-        ImageDraw.Draw(drawn).line(hand, fill=CHOSEN if chosen else POSSIBLE, width=LONG if chosen else SHORT)
+        pen.line(hand, fill=CHOSEN if chosen else POSSIBLE, width=LONG if chosen else SHORT)
     for window, said in notes:
-        pen = ImageDraw.Draw(drawn)
         pen.rectangle((window.left, window.top, window.right, window.bottom), outline=CHOSEN)
         pen.text((window.left + 3, window.top + 2), said, fill=CHOSEN)
     made = io.BytesIO()
     drawn.save(made, "PNG")
     return made.getvalue()
+
+
+def _grey(depth: Floats) -> Image.Image:
+    """Depths (rows, columns) in metres as greys: near is light, and what was not seen has a colour of its own."""
+    seen = depth > 0
+    low, high = (float(x) for x in np.percentile(depth[seen], (0.5, 99.5))) if seen.any() else (0.0, 1.0)
+    grey = (235 - 200 * np.clip((depth - low) / max(high - low, 1e-6), 0, 1)).astype(np.uint8)
+    shown = np.where(seen[..., None], grey[..., None], np.array(NOTHING, dtype=np.uint8))
+    return Image.fromarray(shown.astype(np.uint8))

@@ -4,12 +4,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.model.cases import Diagnosis, Revision
-from engine.model.execution import Command, CommandKind, RecordKind
+from engine.model.execution import RecordKind
 from engine.model.outcome import Found, Infeasible
 from engine.model.troubleshooting import Action, Advice
 from engine.model.wording import counted
-from engine.pipelines.execution.commands import command_of
-from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, alone, unit_ms
+from engine.pipelines.execution.commands import asking, command_of
+from engine.pipelines.execution.compiling import alone, unit_ms
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, perform
 from engine.pipelines.execution.meeting import by_another_way, nobody_knows, rerouted, what_stopped
@@ -260,20 +260,7 @@ class ExceptionHandler:
 
     def _act(self, desk: Desk, name: str, outcomes: Sequence[str]) -> str | None:
         """The outcome of a test, a repair or a question; None if nobody answers as one should."""
-        model = desk.model
-        found = model.tests.get(name) or model.repairs.get(name)
-        unit = unit_ms(self.scope.problem.domain)
-        lasts = int((found.duration or found.cost if found is not None else model.stop) * unit)
-        kind = CommandKind.ASK
-        if found is not None:
-            kind = CommandKind.TEST if name in model.tests else CommandKind.REPAIR
-        asks = kind is CommandKind.ASK or (found is not None and found.asks)
-        says = desk.says(name) if found is not None else desk.session.diagnosis().question_text
-        stream = "person" if asks else "cell"
-        command = Command(
-            0, kind, stream, name, says, "", tuple(outcomes), lasts, PATIENCE * lasts + GRACE_MS, asks=asks
-        )
-        made = perform(self.course, command)
+        made = perform(self.course, asking(desk, name, outcomes, unit_ms(self.scope.problem.domain)))
         return made.reply if made.reply in outcomes else None
 
     def _is_prepared(self, desk: Desk, steps: Sequence[Step]) -> bool:
