@@ -1,6 +1,7 @@
 """What is sent to a driver for a step, and for a test, a repair or a question of a diagnosis."""
 
 from collections.abc import Sequence
+from fractions import Fraction
 
 from engine.model.execution import Command, CommandKind
 from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE
@@ -25,7 +26,7 @@ def command_of(number: int, activity: Activity) -> Command:
     )
 
 
-def asking(desk: Desk, name: str, outcomes: Sequence[str], unit: float) -> Command:
+def asking(desk: Desk, name: str, outcomes: Sequence[str], unit: Fraction) -> Command:
     """The command for a test or a repair of a case, or for the question to a person; a unit of costs is so many ms."""
     model = desk.model
     found = model.tests.get(name) or model.repairs.get(name)
