@@ -22,6 +22,7 @@ HEARING = 0.5  # seconds from Ctrl-C until a search has to have heard it
 TELLING = 0.5  # seconds that a command which was interrupted where it heard nothing may take for its answer
 BUSY = 1.5  # seconds that a busy machine may add to that
 ANSWERING = 10.0  # seconds that a search which has heard it may take for its best answer
+MOMENT = 0.02  # seconds after which what was raised in a callback is raised again
 NAME = "watch"  # of the thread
 
 
@@ -134,6 +135,19 @@ def own_process() -> None:
     """Say that this process does nothing but the command, so that it may be ended."""
     global _alone
     _alone = True
+    sys.unraisablehook = _raise_again
+
+
+def _raise_again(lost: "sys.UnraisableHookArgs") -> None:
+    """End the command a moment later, where its end was raised in a callback: Python prints such an exception and goes on."""
+    if not isinstance(lost.exc_value, Stopped | KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    if _now is not None:
+        _now.roused = False
+    which = signal.SIGALRM if isinstance(lost.exc_value, Stopped) else signal.SIGINT
+    main = threading.main_thread().ident or 0
+    threading.Timer(MOMENT, signal.pthread_kill, (main, which)).start()
 
 
 def limit_memory(megabytes: int | None) -> None:

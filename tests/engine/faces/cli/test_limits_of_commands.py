@@ -78,3 +78,34 @@ def test_a_problem_that_needs_no_grounding_keeps_its_answer(cell: Path) -> None:
     (cell / "rules.lp").write_text("n(1..3).\n")
     wanted = [*COMMAND, "plan", str(cell / "problem.yaml"), "--time-limit", "60", "--memory-limit", "4000"]
     assert subprocess.run(wanted, capture_output=True, check=False).returncode == 0
+
+
+IN_A_CALLBACK = """
+import time, weakref
+from engine.faces.cli import watchdog
+from kb.stopping import Stopped
+
+class Module: pass
+
+def busy(seconds):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        pass
+
+watchdog.own_process()
+with watchdog.watching(0.1, None):
+    watchdog.current().asked = True
+    module = Module()
+    watched = weakref.ref(module, lambda _: busy(0.5))
+    del module  # the time is over while Python runs the callback, and Python passes no exception on from there
+    try:
+        busy(0.5)
+        print("went on")
+    except Stopped:
+        print("stopped")
+"""
+
+
+def test_an_end_that_comes_in_a_callback_is_heard_and_prints_nothing() -> None:
+    done = subprocess.run([sys.executable, "-c", IN_A_CALLBACK], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("stopped\n", "")
