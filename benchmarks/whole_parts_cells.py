@@ -125,6 +125,14 @@ CELLS = (
         (9, 60),
     ),
     Part(
+        "blocks", "benchmarks/motion_random.py", ("--cells", "3", "--json", "{json}"), ("--cells", "25", "--json", "{json}"),
+        (
+            Figure(18, "queries among blocks without path or proof", counted(lambda r: r["end"] == "open"), "", noise=EXACT),
+            Figure(18, "paths among blocks that touch something", counted(lambda r: r.get("hits", 0) > 0), "", 0.0, noise=EXACT),
+        ),
+        (6, 30), ("ompl",),
+    ),
+    Part(
         "travel", "benchmarks/motion_cells.py", ("--part", "travel", "--points", "1000"), ("--part", "travel", "--points", "1000"),
         (Figure(18, "travel times of 1,000 points", said(r"travel times, proved\W+([\d.]+)"), "s of the processor", 40.0),), (6, 30),
     ),
