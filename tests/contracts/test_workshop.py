@@ -129,7 +129,7 @@ def test_three_fingers_hold_a_part_still_and_place_it() -> None:
 
 @pytest.mark.slow
 def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted() -> None:
-    """Not on every side yet: it goes in on five of eight, and on none when it is not tilted."""
+    """On whatever side the hole is; and on none when it goes straight down."""
     scene = load_scene(BUNDLED / "handey" / "scenes" / "round_peg.yaml")
     found, _ = place(scene, "peg", "block")
     assert isinstance(found, Placed)
@@ -146,7 +146,7 @@ def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted
             running.carried(scene, "peg", replace(found, carries=(tried,)), moved).went is running.Went.DONE
         )
 
-    assert sum(goes_in(carry, each) for each in range(8)) >= 4
+    assert all(goes_in(carry, each) for each in range(8))
     assert not any(goes_in(straight, each) for each in (0, 3))
 
 

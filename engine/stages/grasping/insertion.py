@@ -186,19 +186,23 @@ def _righted(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Insert
     assert now.contact is not None
     lean = max(now.lean_rad - TURN_RAD_S * dt_s, 0.0)
     x = now.contact[0] + plan.edge_m(LEAN_RAD) - plan.edge_m(lean) + LAG_M
-    phase = Phase.INSERT if lean == 0.0 else Phase.RIGHT
-    target = np.array([x if lean else at[0], at[1], now.target[2]])
-    return replace(now, lean_rad=lean, phase=phase, target=target)
+    if lean == 0.0:
+        upright, rim = np.array([at[0], at[1], now.target[2]]), np.array([at[0], at[1], 0.0])
+        return replace(now, lean_rad=lean, phase=Phase.INSERT, target=upright, contact=rim)
+    return replace(now, lean_rad=lean, target=np.array([x, at[1], now.target[2]]))
 
 
 def _searched(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inserting:
-    """Round the spiral while it presses, until the part drops by more than it can by leaning."""
+    """Round the spiral while it presses, until the part drops by more than it can by leaning.
+
+    One that was set upright beside its hole, because it rubbed, may stand farther from it than was doubted.
+    """
     assert now.contact is not None
     if at[2] < now.contact[2] - plan.drop_m:
         return replace(now, phase=Phase.INSERT, target=np.array([at[0], at[1], now.target[2]]))
     a = plan.pitch_m / (2 * np.pi)
     radius = a * now.turned_rad
-    if radius > plan.doubt_m + plan.pitch_m:
+    if radius > plan.doubt_m * (INSIDE if plan.search is Search.TILT else 1.0) + plan.pitch_m:
         return replace(now, phase=Phase.FAILED)
     turned = now.turned_rad + plan.along_m_s * dt_s / max(radius, 2 * a)
     offset = a * turned * np.array([np.cos(turned), np.sin(turned)])
@@ -208,7 +212,7 @@ def _searched(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inser
 def _inserted(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inserting:
     """The hand presses, and gives way to the sides; the part is in when it is as deep as it should be.
 
-    One that gets no deeper has only leant on the rim: it is led on round the spiral, until it drops from there.
+    One that gets no deeper has only leant on the rim, or stands beside its hole: it is led round the spiral, until it drops from there.
     """
     contact = now.contact
     assert contact is not None
@@ -217,7 +221,7 @@ def _inserted(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inser
     now = replace(
         now, lowest_m=at[2] if deeper else now.lowest_m, stuck_s=0.0 if deeper else now.stuck_s + dt_s
     )
-    if now.stuck_s > STUCK_S and plan.search is Search.SPIRAL and not deep:
+    if now.stuck_s > STUCK_S and plan.search is not Search.NONE and not deep:
         leant = np.array([*contact[:2], at[2]])
         return replace(now, phase=Phase.SEARCH, contact=leant, lowest_m=np.inf, stuck_s=0.0)
     sideways = at[:2] if plan.search is not Search.NONE else now.target[:2]
