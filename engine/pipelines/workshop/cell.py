@@ -116,6 +116,7 @@ class PlacingCell:
             "look_again": self._look_again,
             "look_from_the_hand": self._look_near,
             "look_at_the_goal": self._look_at_goal,
+            "look_along_the_way": self._look_along,
             "close_on_nothing": self._close,
             "find_and_plan_anew": self._find,
             "search_for_the_hole": self._search,
@@ -133,14 +134,21 @@ class PlacingCell:
         looked = self.eyes.look(self.yard, self.spots, self.about)
         if not isinstance(looked.sightings[self.about], Located):
             return "nowhere"
-        return "elsewhere" if self._has_moved(looked) else "there"
+        return "elsewhere" if self._has_moved(looked, self.about) else "there"
+
+    def _look_along(self) -> str:
+        """Whether another part that has not been moved yet was pushed aside."""
+        others = [name for name, spot in self.spots.items() if spot is Spot.FOUND and name != self.about]
+        looked = self.eyes.look(self.yard, self.spots, *others)
+        seen = (name for name in others if isinstance(looked.sightings[name], Located))
+        return "pushed_aside" if any(self._has_moved(looked, each) for each in seen) else "as_before"
 
     def _look_near(self) -> str:
         looked = self.eyes.look_near(self.yard, self.spots, self.about)
         sighting, before = looked.sightings[self.about], self.seen[self.about]
         if not isinstance(sighting, Located):
             return "nothing"
-        if self._has_moved(looked):
+        if self._has_moved(looked, self.about):
             return "elsewhere"
         surer = isinstance(before, Located) and np.trace(sighting.covariance) < np.trace(before.covariance)
         return "corrected" if surer else "as_before"
@@ -155,10 +163,10 @@ class PlacingCell:
         self.shop.open_wide()
         return "closed" if width < CLOSED_M else "wrong"
 
-    def _has_moved(self, looked: Looked) -> bool:
-        sighting = looked.sightings[self.about]
+    def _has_moved(self, looked: Looked, part: str) -> bool:
+        sighting = looked.sightings[part]
         assert isinstance(sighting, Located)
-        before = self.yard.site.found[self.about]
+        before = self.yard.site.found[part]
         apart = [difference(before, looked.T_world_camera @ each) for each in sighting.equivalent]
         return not any(metres < STILL_M and radians < STILL_RAD for metres, radians in apart)
 
@@ -180,7 +188,7 @@ class PlacingCell:
     def _find(self) -> str:
         """Look for the part anew; where it is seen where it was believed, nothing has been put right."""
         looked = self.eyes.look(self.yard, self.spots, self.about)
-        if isinstance(looked.sightings[self.about], Located) and not self._has_moved(looked):
+        if isinstance(looked.sightings[self.about], Located) and not self._has_moved(looked, self.about):
             return NOT_CURED
         return self._found(looked)
 
