@@ -19,7 +19,7 @@ from engine.stages.motion.severing import severed
 
 REACH = 1.0  # rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least work
 NODES = 20_000  # of each tree
-EARLY = 50_000  # configurations looked at before it is asked whether there is a path at all
+EARLY = 300_000  # configurations looked at before it is asked whether there is a path at all
 GOLDEN = (5**0.5 - 1) / 2
 UNSEEN = "the path touches something that the strategy did not look at, such as two parts of the hand"
 
