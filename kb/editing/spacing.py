@@ -24,14 +24,15 @@ def spaced(text: str) -> str:
 
 
 def spaced_rules(text: str) -> str:
-    """ASP with its usual spaces. Lines, indentation, comments and columns aligned with several spaces stay."""
+    """ASP with its usual spaces. Lines, indentation, comments and columns aligned with several spaces stay; the first
+    line has no indentation."""
     found = tokens(text, True)
     parts: list[str] = []
     end = 0
     for number, token in enumerate(found):
         gap = text[end : token.start]
         if "\n" in gap or not number:
-            parts.append(_lines(gap, not number))
+            parts.append(_lines(gap) if number else "")
         elif (
             token.kind == "comment"
             or found[number - 1].text in (".", "]")
@@ -49,11 +50,10 @@ def _may_align(token: Token) -> bool:
     return token.text not in _TIGHT_BEFORE
 
 
-def _lines(gap: str, first: bool) -> str:
+def _lines(gap: str) -> str:
     """The ends of lines between two tokens: at most one blank line, and the indentation of the next line."""
-    ends = gap.count("\n")
-    indent = gap.rpartition("\n")[2].expandtabs(4) if ends else ""
-    return ("" if first else "\n" * min(ends, 2)) + indent
+    indent = gap.rpartition("\n")[2].expandtabs(4)
+    return "\n" * min(gap.count("\n"), 2) + indent
 
 
 def _gap(before: Token, token: Token, gap: str) -> str:
