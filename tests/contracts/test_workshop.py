@@ -48,6 +48,24 @@ def test_a_part_is_placed_by_friction_alone_within_three_millimetres() -> None:
     assert done.off[1] < np.radians(1)
 
 
+@pytest.mark.parametrize("carries", [False, True])
+def test_an_arm_that_moves_is_where_it_is_told_to_be(carries: bool) -> None:
+    """Servos that were aimed at where the arm is to be would lag by some 70 mm at this speed."""
+    shop = running.Workshop(SCENE)
+    world, tool, off = World.of(SCENE.cell), f"{shop.arm}.tool", []
+
+    def seen() -> bool:
+        told = world.moved(shop.arm, shop.q).pose("world", tool)
+        there = shop.stage.actual(shop.stage.world).pose("world", tool)
+        off.append(float(np.linalg.norm(told[:3, 3] - there[:3, 3])))
+        return False
+
+    turn = np.zeros(len(shop.q))
+    turn[0] = 1.0
+    assert shop.follow(np.array([shop.q, shop.q + turn, shop.q]), seen, carries)
+    assert max(off) < 0.005
+
+
 @pytest.mark.slow
 def test_five_parts_are_assembled_and_nothing_touches_unplanned() -> None:
     made, _ = assemble(FIVE, DOMAIN, "base")

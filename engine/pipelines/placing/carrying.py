@@ -1,6 +1,7 @@
 """One carry: to the part, in, up, over, down, and back; straight lines near things, planned and proved motions between."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,10 +14,14 @@ from engine.pipelines.placing.approaching import WayOut
 from engine.pipelines.placing.holding import HAND, Reach, with_hand
 from engine.pipelines.placing.task import UNKNOWN, Task
 from engine.stages.geometry.collision.ground import Ground
-from engine.stages.motion.planner import plan
+from engine.stages.motion.planner import tried
 
 LIFT_M = 0.08
 BUDGET = 20_000  # configurations that the search for one motion looks at
+MARGIN_M = (
+    0.005  # from everything, on motions between: servos lag a little, and a part may sit askew in the hand
+)
+MARGIN_BUDGET = 5_000  # configurations that a search with the margin looks at
 CHOICES = 3  # configurations that are tried for an end
 
 
@@ -102,9 +107,13 @@ def ends(reach: Reach, T_world_hand: Floats, near: Floats) -> Floats:
 
 
 def gross(reach: Reach, start: Floats, goal: Floats, strategy: Strategy = Strategy.CONNECT) -> Moved | None:
-    """A proved motion between two configurations (k,); None if none is found."""
-    own = reach.hand.own
-    moving = tuple(range(own.start, own.stop))
-    query = Query(start, goal[None], budget=BUDGET, moving=moving, strategy=strategy)
-    found = plan(Ground(reach.checker), query, reach.hand)
+    """A motion between two configurations (k,) that keeps a margin where there is room for it; None if none is found at all."""
+    own, ground = reach.hand.own, Ground(reach.checker)
+    query = Query(
+        start, goal[None], budget=BUDGET, moving=tuple(range(own.start, own.stop)), strategy=strategy
+    )
+    wide = tried(ground, replace(query, margin_m=MARGIN_M, budget=MARGIN_BUDGET), reach.hand)
+    if isinstance(wide, Moved) and wide.proved:
+        return wide
+    found = tried(ground, query, reach.hand)
     return found if isinstance(found, Moved) else None

@@ -6,12 +6,14 @@ import mujoco
 import numpy as np
 
 from engine.model.geometry import Floats
+from engine.model.moves import Leg
 from engine.pipelines.witness.tree import carriers_of
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
 from kb.model.cell import JointKind
 
 PACE = 40.0  # 1/s: how quickly the servos of an arm follow
+SOON_S = 1e-3  # between moments whose differences tell speed and acceleration
 # A body is at its place within so many metres, and this share of its joint's range.
 NEAR_M, NEAR_SHARE = 0.03, 0.1
 SLIPPED_M, SLIPPED_RAD = 0.008, 0.35  # a hand turns by 0.12 on a lid that comes along
@@ -35,6 +37,17 @@ def tuned(model: mujoco.MjModel, world: World) -> None:
         stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
         model.actuator_gainprm[number, 0] = stiff
         model.actuator_biasprm[number, 1:3] = -stiff, -damped
+
+
+def lead(leg: Leg, t: float) -> Floats:
+    """How far ahead (k,) of where an arm is to be at a time on a leg its servos must be aimed, as it would lag by so much.
+
+    With the gains of `tuned` a joint x follows its aim u as x'' + 2 w x' + w^2 x = w^2 u, where w is the pace.
+    """
+    before, now, after = (leg.at(max(t + each, 0.0)) for each in (-SOON_S, 0.0, SOON_S))
+    speed, acceleration = (after - before) / (2 * SOON_S), (after - 2 * now + before) / SOON_S**2
+    found: Floats = 2 * speed / PACE + acceleration / PACE**2
+    return found
 
 
 def weighed(model: mujoco.MjModel, world: World) -> None:

@@ -1,6 +1,6 @@
 """A planned carry, carried out: guarded on the way in, and felt all the way. It stops where something is not as planned."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from enum import StrEnum
 
@@ -17,6 +17,7 @@ GUARD_N = 15.0  # a push that stops the hand on its way to a part
 NARROW_M = (
     0.003  # fingers that close farther than this below the part's width hold something else, or nothing
 )
+LOST_S = 0.05  # a finger may leave a part for less, as when it is set down
 WIDER = 2.0  # times what was doubted: a second search
 SHORT_M = 0.004  # a hand that stays so far before its goal has met something there
 
@@ -111,12 +112,25 @@ def _above(path: Floats, plan: Insertion) -> Floats:
 def _full(shop: Workshop, part: str, leg: Leg) -> bool:
     """Follow a leg with the part in the hand; whether it is still there. What the part stands on may be touched near it."""
     shop.permit(*(shop.scene.cell.bodies if leg.what != "carry" else ()))
-    if shop.follow(_own(shop, leg), lambda: not shop.holds(part), carries=True):
+    if shop.follow(_own(shop, leg), _lost(shop, part), carries=True):
         return True
     shop.open_wide()
     if leg.what == "lower":
         _back(shop, _own(shop, leg))
     return False
+
+
+def _lost(shop: Workshop, part: str) -> Callable[[], bool]:
+    """Says, each time it is asked, whether not all fingers have pressed on a part for a while."""
+    held = shop.seconds
+
+    def lost() -> bool:
+        nonlocal held
+        if shop.holds(part):
+            held = shop.seconds
+        return shop.seconds - held > LOST_S
+
+    return lost
 
 
 def _let_go(shop: Workshop, part: str, carry: Carry, away: Leg) -> Went:

@@ -15,6 +15,7 @@ from engine.model.moves import Leg, LegKind
 from engine.pipelines.moves.hands import corners_s
 from engine.pipelines.placing.holding import HAND
 from engine.pipelines.witness.model import quaternion
+from engine.pipelines.witness.servos import lead
 from engine.pipelines.witness.stage import Stage
 from engine.pipelines.witness.touches import body_of
 from engine.pipelines.workshop.hands import CLOSE_S, Hand, hand_of
@@ -77,18 +78,19 @@ class Workshop:
         leg = Leg(LegKind.WAY, self.arm, path, corners_s(mounted.arm, path, factor), True)
         began = self.seconds
         while (t := self.seconds - began) < leg.seconds:
-            self.aim(leg.at(t))
+            self.aim(leg.at(t), lead(leg, t))
             self._tick()
             if until is not None and until():
+                self.aim(self.q)
                 return False
         self.aim(path[-1])
         self.wait(SETTLE_S)
         return until is None or not until()
 
-    def aim(self, q: Floats) -> None:
-        """Aim the servos of the arm at joint values (k,)."""
+    def aim(self, q: Floats, ahead: Floats | float = 0.0) -> None:
+        """The arm is told to be at joint values (k,): its servos are aimed there, or so far `ahead` of it (k,) while it moves."""
         self.q = q
-        for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q, strict=True):
+        for joint, value in zip(self.scene.cell.arms[self.arm].arm.joints, q + ahead, strict=True):
             self.stage.aim(f"{self.arm}/{joint.name}", float(value))
 
     def open_for(self, opening: Sequence[float]) -> None:

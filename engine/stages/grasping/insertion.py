@@ -26,6 +26,7 @@ DROPPED_M, DROPPED_ROOMS = (
     0.0005,
     4,
 )  # a part that drops by more than this, and than this many rooms, does not only lean
+CREEP_M_S = 0.0003  # how fast a part that is pressed may creep between the fingers: what drops is faster
 ABOVE_M = 0.003  # how far over the surface a part is tilted
 
 
@@ -198,7 +199,9 @@ def _searched(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inser
     One that was set upright beside its hole, because it rubbed, may stand farther from it than was doubted.
     """
     assert now.contact is not None
-    if at[2] < now.contact[2] - plan.drop_m:
+    contact = _sunk(now.contact, float(at[2]), dt_s)
+    now = replace(now, contact=contact)
+    if at[2] < contact[2] - plan.drop_m:
         return replace(now, phase=Phase.INSERT, target=np.array([at[0], at[1], now.target[2]]))
     a = plan.pitch_m / (2 * np.pi)
     radius = a * now.turned_rad
@@ -206,7 +209,13 @@ def _searched(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inser
         return replace(now, phase=Phase.FAILED)
     turned = now.turned_rad + plan.along_m_s * dt_s / max(radius, 2 * a)
     offset = a * turned * np.array([np.cos(turned), np.sin(turned)])
-    return replace(now, turned_rad=turned, target=np.array([*(now.contact[:2] + offset), now.target[2]]))
+    return replace(now, turned_rad=turned, target=np.array([*(contact[:2] + offset), now.target[2]]))
+
+
+def _sunk(contact: Floats, height_m: float, dt_s: float) -> Floats:
+    """Where contact was (3,), with its height brought down as slowly as a part creeps, at most to a height."""
+    lower = max(float(contact[2]) - CREEP_M_S * dt_s, height_m)
+    return np.array([*contact[:2], min(float(contact[2]), lower)])
 
 
 def _inserted(plan: Insertion, now: Inserting, at: Floats, dt_s: float) -> Inserting:

@@ -1,16 +1,19 @@
 """The hand goes round what stands in its straight way, in the grasp plane; what is drawn and pushed may be stuck there."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from engine.kernels.rigid import translation
+from engine.model.geometry import Floats
 from engine.model.grasping import Approach, NoApproach
 from engine.model.motion import Strategy
 from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.approaching import WayOut, way_in
-from engine.pipelines.placing.holding import Reach, with_hand
+from engine.pipelines.placing.carrying import MARGIN_M, gross
+from engine.pipelines.placing.holding import Reach, jaws_of, with_hand
 from engine.pipelines.placing.looking import look
 from engine.pipelines.placing.placing import place
 from engine.pipelines.placing.resting import GOAL, START, resting
@@ -119,3 +122,48 @@ def test_the_graph_of_placements_holds_what_the_plan_took(plan: Placed) -> None:
     assert shown.holds[GOAL] == plan.holds[2]
     assert shown.ways[START, GOAL] > 0
     assert all(0 < count <= min(shown.holds[a], shown.holds[b]) for (a, b), count in shown.ways.items())
+
+
+def reach_beside(lower_m: float) -> tuple[Reach, Floats]:
+    """The arm with its hand, and a straight line (2, k) for it; a block is so far below the middle of the line."""
+    home = World.of(SCENE.cell)
+    line = np.stack([home.configuration, home.configuration])
+    line[1, home.first_carriers[SCENE.hand.arm]] += 1.0
+    T = home.moved(SCENE.hand.arm, line.mean(axis=0)).pose("world", f"{SCENE.hand.arm}.tool").copy()
+    T[2, 3] -= lower_m
+    at = Placement("world", transforms.to_pose(T))
+    block = Body("block", BodyKind.FIXTURE, at, (PlacedShape(Box((0.05, 0.05, 0.05))),))
+    world = World.of(replace(SCENE.cell, bodies={**SCENE.cell.bodies, "block": block}))
+    return Reach(with_hand(world, SCENE, jaws_of(SCENE), (0.05,)), SCENE.hand.arm), line
+
+
+def clearance_m(reach: Reach, path: Floats) -> float:
+    """The least clearance where a path (m, k) is looked at."""
+    shares = np.linspace(0, 1, 200)[:, None]
+    looks = [one + shares * (other - one) for one, other in pairwise(path)]
+    return float(reach.checker.clearance(np.concatenate(looks), 1.0).min())
+
+
+def grazing() -> tuple[Reach, Floats]:
+    """The same with the block some two millimetres from the line."""
+    near, far = 0.0, 0.3
+    for _ in range(12):
+        middle = (near + far) / 2
+        near, far = (near, middle) if clearance_m(*reach_beside(middle)) > 0.002 else (middle, far)
+    return reach_beside(far)
+
+
+def test_a_motion_between_keeps_a_margin_where_a_straight_one_would_graze_something() -> None:
+    reach, line = grazing()
+    assert 0.002 < clearance_m(reach, line) < MARGIN_M
+    found = gross(reach, line[0], line[1])
+    assert found is not None
+    assert found.proved
+    assert clearance_m(reach, found.path) > MARGIN_M
+
+
+def test_a_motion_between_goes_without_the_margin_where_its_end_has_no_room_for_it() -> None:
+    reach, line = grazing()
+    found = gross(reach, line[0], line.mean(axis=0))
+    assert found is not None
+    assert found.proved
