@@ -120,7 +120,7 @@ def speed(asked: argparse.Namespace, tally: Tally) -> bool:
     """The table of speeds; whether the bar is met."""
     with tempfile.TemporaryDirectory() as name, Cluster.started(ROOT, 2) as cluster:
         folder = Path(name)
-        chosen = problems(folder, asked.problems, "two")
+        chosen = problems(folder, asked.problems, "four")
         prepared(chosen / "p001.yaml", folder / "speed.db", "--jobs", "2")  # compiles the modules
         ways = {"one": ("--jobs", "1"), "two": ("--jobs", "2"), "cluster": ("--cluster", cluster.address)}
         while len(tally.content["speed"]) < asked.pairs:

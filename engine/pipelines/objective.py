@@ -162,20 +162,26 @@ def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objecti
     """An outcome with its timetable, and for the makespan with the best plan found from its own on."""
     if not isinstance(outcome, Found):
         return Run(outcome)
-    from engine.pipelines.turns import in_turn
-
     if not _lasts(outcome.plan):
-        plan = in_the_order_named(problem, in_turn(problem, task, outcome.plan))
-        return Run(replace(outcome, plan=plan))
+        return Run(replace(outcome, plan=_tidy(problem, task, outcome.plan)))
     from engine.pipelines import makespan
     from engine.pipelines.timetable import own_order
 
     if objective is Objective.COST:
-        plan = in_the_order_named(problem, in_turn(problem, task, outcome.plan))
+        plan = _tidy(problem, task, outcome.plan)
         return Run(replace(outcome, plan=plan), own_order(problem, task, plan))
     best, _ = makespan.fastest(problem, task, outcome, limits)
     optimal = outcome.optimal and best.plan.cost == outcome.plan.cost
     return Run(replace(outcome, plan=best.plan, optimal=optimal), best)
+
+
+def _tidy(problem: Problem, task: Task, plan: Plan) -> Plan:
+    """The plan with its settings in their turn, and what is alike in the order in which it is named."""
+    if problem.chains:
+        from engine.pipelines.turns import in_turn  # loads what cuts plans into blocks
+
+        plan = in_turn(problem, task, plan)
+    return in_the_order_named(problem, plan)
 
 
 def _lasts(plan: Plan) -> bool:

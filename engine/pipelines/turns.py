@@ -21,7 +21,7 @@ LONG = 400  # steps; the order of longer plans is as it was found
 
 def in_turn(problem: Problem, task: Task, plan: Plan) -> Plan:
     """The plan with the same steps that makes settings of the workflow in their turn; the plan itself if the gate refuses that."""
-    if task.axioms or len(plan.steps) > LONG or not problem.chains:
+    if task.axioms or len(plan.steps) > LONG:
         return plan
     known, order = instances(task), plan.steps
     for _ in plan.steps:

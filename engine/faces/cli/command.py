@@ -6,6 +6,7 @@ import typer
 
 from engine.faces.cli.answers import open_streams
 from engine.faces.cli.ending import leave
+from engine.faces.cli.kept_methods import Methods
 from engine.faces.cli.verbs import Verbs
 from engine.faces.cli.watchdog import own_process
 
@@ -35,13 +36,15 @@ def cellwright(
     """Plan and diagnose for robot work cells."""
 
 
-def run() -> None:
-    """Run the command line."""
+def run(methods: Methods | None = None) -> None:
+    """Run the command line. Methods of dataclasses that were compiled are kept for the next one."""
     own_process()
     open_streams()
     try:
         app()
     except SystemExit as end:
+        if methods:
+            methods.keep()
         if isinstance(end.code, int):
             leave(end.code)
         raise

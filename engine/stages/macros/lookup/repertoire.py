@@ -56,20 +56,30 @@ class Repertoire:
         The key of a hit is the number of its MACROP.
         """
         self._since = self._clock()
-        hit = next((hit for each in readings(asked) if (hit := self._find(each)) is not None), None)
+        fetched: set[str] = set()
+        hit = self._first(readings(asked), fetched) or self._first(self._renewed(asked, fetched), fetched)
         if hit is not None:
             self._note(hit.key, 1)
         return hit
 
-    def _find(self, asked: Query) -> Hit | None:
-        signature = signature_asked(asked)
-        known = signature in self._seen
-        if not known:
-            self._fetch(signature)
-        hit = look_up(self._index, asked, in_vain=self._in_vain)
-        if hit is None and known and self._fetch(signature):
-            hit = look_up(self._index, asked, in_vain=self._in_vain)
-        return hit
+    def _first(self, ways: Iterable[Query], fetched: set[str]) -> Hit | None:
+        """The first hit for readings of a query; adds the signatures that were fetched, each at its first query."""
+        for each in ways:
+            signature = signature_asked(each)
+            if signature not in self._seen:
+                self._fetch(signature)
+                fetched.add(signature)
+            hit = look_up(self._index, each, in_vain=self._in_vain)
+            if hit is not None:
+                return hit
+        return None
+
+    def _renewed(self, asked: Query, fetched: set[str]) -> Iterator[Query]:
+        """The readings of a query for which the library has new MACROPs since they were fetched."""
+        for each in readings(asked):
+            signature = signature_asked(each)
+            if signature not in fetched and self._fetch(signature):
+                yield each
 
     def _in_vain(self, entry: Entry) -> None:
         self._note(entry.key, 0)
