@@ -81,7 +81,9 @@ class Evaluation:
                 users[atom].append(number)
         costs = [*charges, *(rule.cost for rule in free)]
         self.size, self.space = size, Space(operators, size, axioms)
-        self._plans = RelaxedPlans(costs, tuple(indices(goals)), Rows(needs), Rows(adds), Rows(users))
+        self._plans = RelaxedPlans(
+            costs, tuple(indices(goals)), Rows(needs), Rows(adds), Rows(users), self._plain
+        )
 
     def __call__(self, state: bytes) -> tuple[int, list[int], list[int]]:
         """The cost of a relaxed plan from a packed state (-1 if there is none), the applicable and the preferred operators.
@@ -97,7 +99,6 @@ class Evaluation:
             estimate = self._once()
         found, helpful = self._plans.applicable, self._plans.preferred
         if len(self.operators) > self._plain:
-            found = [number for number in found if number < self._plain]
             helpful = self._owned(helpful)
         return estimate, found, helpful
 

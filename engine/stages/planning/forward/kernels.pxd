@@ -22,7 +22,7 @@ cdef class Queue:
 
 @cython.final
 cdef class RelaxedPlans:
-    cdef int atoms, operators, _found, _helpful, _length
+    cdef int atoms, operators, listed, _found, _helpful, _length
     cdef long long[::1] costs, reached, spent
     cdef int[::1] goals, wanted, supporter, missing, marked, stack, _applicable, _preferred, _relaxed
     cdef Rows need, add, users

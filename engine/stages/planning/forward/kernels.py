@@ -86,13 +86,21 @@ class RelaxedPlans:
     """Relaxed plans from any state to one conjunction of goals, over operators that only add.
 
     `need` and `add` have a list of atoms for each operator, `users` has a list of operators for each atom.
-    Costs are positive. After `evaluate` the results are in `applicable`, `preferred` and `relaxed`.
+    Costs are positive. After `evaluate` the results are in `applicable`, `preferred` and `relaxed`. `applicable` has operators
+    below `listed` alone, if that is given.
     """
 
     def __init__(
-        self, costs: Sequence[int], goals: Sequence[int], need: Rows, add: Rows, users: Rows
+        self,
+        costs: Sequence[int],
+        goals: Sequence[int],
+        need: Rows,
+        add: Rows,
+        users: Rows,
+        listed: int | None = None,
     ) -> None:
         self.atoms, self.operators = users.count, need.count
+        self.listed = self.operators if listed is None else listed
         self.costs, self.goals = array("q", costs), array("i", goals)
         self.need, self.add, self.users = need, add, users
         wanted = set(goals)
@@ -182,7 +190,7 @@ class RelaxedPlans:
         """
         if self.costs[operator] >= UNREACHED:
             return
-        if self.spent[operator] == self.costs[operator]:
+        if operator < self.listed and self.spent[operator] == self.costs[operator]:
             self._applicable[self._found] = operator
             self._found += 1
         cost = min(self.spent[operator], MOST)

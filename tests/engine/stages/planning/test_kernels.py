@@ -148,3 +148,11 @@ def test_landmarks_counted_agree_with_sets(module: ModuleType, data: st.DataObje
         again = {*goals, *(other for landmark in open_ for other in just_before[landmark])} & accepted
         again = {landmark for landmark in again if places[landmark] not in state}
         assert count.left(row, packed(state)) == len(open_) + len(again)
+
+
+def test_only_operators_that_are_listed_are_told_as_applicable() -> None:
+    """The others count in relaxed plans all the same."""
+    rows = [kernels.Rows(each) for each in ([[0], [0], [1]], [[1], [2], [2]], [[0, 1], [2], []])]
+    plans = kernels.RelaxedPlans([5, 9, 1], [2], *rows, 1)
+    assert (plans.evaluate(b"\x01"), plans.applicable) == (6, [0])
+    assert (sorted(plans.relaxed), plans.preferred) == ([0, 2], [0])
