@@ -15,7 +15,7 @@ from engine.pipelines.placing.answers import Carry, NotPlaced
 from engine.pipelines.placing.yard import Move, Obstacle, Spot, Way, Yard
 from engine.pipelines.planning import planned
 from kb.model.domain import Domain
-from kb.model.plan import Plan
+from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
 
@@ -35,7 +35,10 @@ class NotBuilt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ordered:
-    """The moves of a plan in their order, each with its carries; what was learned, and the problem that knows it."""
+    """The moves of a plan in their order, each with its carries; what was learned, and the problem that knows it.
+
+    The steps of the plan come in this order, too: only in it are they proved.
+    """
 
     moves: tuple[tuple[Move, tuple[Carry, ...]], ...]
     obstacles: tuple[Obstacle, ...]
@@ -64,7 +67,7 @@ def ordered(yard: Yard, domain: Domain, spots: Mapping[str, Spot], near: Floats)
             obstacles.append(made[-1])
             continue
         moves = tuple(each for each in made if not isinstance(each, Obstacle))
-        return Ordered(moves, tuple(obstacles), problem, outcome.plan)
+        return Ordered(moves, tuple(obstacles), problem, in_sequence(outcome.plan))
     reason = f"{MOST} plans were refuted by geometry"
     return NotBuilt(NotPlaced("order", reason, "relate the parts otherwise"), tuple(obstacles))
 

@@ -8,10 +8,9 @@ import numpy as np
 from engine.kernels.rigid import difference
 from engine.model.execution import Finish, Record
 from engine.model.geometry import Floats
-from engine.model.outcome import Found
 from engine.pipelines.execution import Execution, Timed
 from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import Ready, first
+from engine.pipelines.execution.planned import ready
 from engine.pipelines.execution.recorder import Recorder, Watcher
 from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.assembling import Built
@@ -135,8 +134,7 @@ def executed(
 def _run(name: str, order: Ordered, cell: PlacingCell, watchers: Sequence[Watcher]) -> Finish:
     """The executive carries out one plan, handles what goes wrong, and goes on to the end, or until geometry refutes a step."""
     problem, driver = order.problem, Simulator(cell)
-    found = first(problem, outcome=Found(order.plan))
-    assert isinstance(found, Ready)
+    found = ready(problem, order.plan, None, 0)  # not timed anew: geometry has proved this order
     recorder = Recorder(_Kept(), driver.now_ms, watchers)
     execution = Execution(name, problem, driver, recorder, Timed(), cell.model)
     return execution.start(found, SymbolicWorld.of(problem, situation_of(problem).state))
