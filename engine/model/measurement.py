@@ -67,7 +67,11 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """The measurements of a part. `left_out` names the kinds of facts about them that a domain does not know, `strange` the kinds of measurements."""
+    """The measurements of a part.
+
+    `left_out` names the kinds of facts about them that a domain does not know, `strange` the kinds of measurements. `unsure` are the
+    facts that the domain misses to know how uncertain values are.
+    """
 
     name: str
     points: tuple[MeasurementPoint, ...]
@@ -76,3 +80,4 @@ class Inspection:
     remarks: tuple[Excluded, ...] = ()
     left_out: tuple[str, ...] = ()
     strange: tuple[str, ...] = ()
+    unsure: tuple[str, ...] = ()

@@ -9,6 +9,7 @@ from engine.formats.interop.measurements import all_facts, names, problem_text
 from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.model.measurements import measurements_of
+from engine.model.wording import counted
 from engine.pipelines.inspection import Partition, require_choice
 from engine.pipelines.inspection.arms import divided
 from engine.pipelines.points import points, with_places
@@ -45,6 +46,7 @@ def import_file(
     left_out = sorted({fact.name for fact in told} - {*cell.predicates})
     inspection = replace(inspection, left_out=tuple(left_out), strange=strange)
     problem = _problem(inspection, cell, facts)
+    inspection = replace(inspection, unsure=_unsure(problem))
     parts = divided(problem)
     possible = {name for names in parts.groups.values() for name in names}
     kept = _attainable(facts, possible, cell)
@@ -69,6 +71,15 @@ def _strange(inspection: Inspection, domain: Domain) -> tuple[str, ...]:
         name for name, type_ in domain.objects.items() if domain.is_subtype(type_, declared.arguments[1])
     }
     return tuple(sorted(kinds - known))
+
+
+def _unsure(problem: Problem) -> tuple[str, ...]:
+    """The predicates, with their arguments, that would say how uncertain measured values are, and of which there are no facts."""
+    domain, told = problem.domain, {fact.name for fact in problem.statics}
+    measures = (each.command.measures for each in domain.operators if each.command)
+    terms = (each.uncertainty for each in measures if each)
+    asked = {term.name for term in terms if isinstance(term, Function) and term.name in domain.predicates}
+    return tuple(f"{name}({', '.join(domain.predicates[name].arguments)})" for name in sorted(asked - told))
 
 
 def _names(fact: Function, kinds: Collection[str], domain: Domain) -> bool:
@@ -97,7 +108,7 @@ def _require_free_names(inspection: Inspection, domain: Domain, path: Path) -> N
 
 
 def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
-    """A warning for each feature that has no points, or others than were asked for."""
+    """A warning for each feature that has no points, or others than were asked for, and for datums that no run would use."""
     told = [(each.feature, f"has no points: {each.reason}", HINT) for each in inspection.excluded]
     told += [(each.feature, each.reason, NEARER) for each in inspection.remarks]
     where = Source(str(path))
@@ -120,8 +131,19 @@ def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
     return (
         *undeclared,
         *unknown,
+        *_unaligned(inspection, where),
         *(Diagnostic(where, "K807", f"{name} {what}", hint, warning=True) for name, what, hint in told),
     )
+
+
+def _unaligned(inspection: Inspection, where: Source) -> Iterator[Diagnostic]:
+    """A warning if points are datums, and facts that are not there would say how uncertain their values are."""
+    count = sum(1 for point in inspection.points if point.step)
+    if count and inspection.unsure:
+        datums = f"{counted(count, 'point')} of datums"
+        said = f"a run cannot find the part by its {datums} before it knows how uncertain their values are"
+        hint = f"add to `statics` what the domain declares for that: {', '.join(inspection.unsure)}"
+        yield Diagnostic(where, "K807", said, hint, warning=True)
 
 
 def as_qif(problem: Problem) -> tuple[str, int, tuple[Diagnostic, ...]]:

@@ -17,6 +17,7 @@ from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.verdicts.lying import Lying
+from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import And, Condition, Exists, Literal, goal_parts
 from kb.model.plan import Plan
 from kb.model.problem import Problem
@@ -24,6 +25,7 @@ from kb.model.results import Measured
 from kb.terms import Atom, Function
 
 LOOKS = 12  # values of one datum
+HELPERS = 3  # points that a hint names
 
 
 def datums_asked(problem: Problem) -> tuple[str, ...]:
@@ -47,9 +49,28 @@ def first_stage(ready: Ready, scope: Scope) -> tuple[Plan, Scope] | None:
     mine = {each.of: n for n, each in told if each is not None and each.of in asked and each.uncertainty}
     if set(mine) != asked:
         return None
+    _require_held(scope.problem)
     steps = ready.plan.steps[: max(mine.values()) + 1]
     goals = [str(part) for part in goal_parts(scope.problem.goal) if named(part, asked)]
     return Plan(steps), scope.cut({}, goals)
+
+
+def _require_held(problem: Problem) -> None:
+    """Refuse datums that cannot show where the part lies, however well they are measured, and name points that would help."""
+    from engine.pipelines.verdicts.lying import datum_points, datums, profiles
+    from engine.stages.fitting.alignment import holding, lacking
+
+    asked = datum_points(problem)
+    planned = datums([(point, 0.0) for point in asked.values()], [1.0] * len(asked))
+    reason = lacking(planned)
+    if reason is None:
+        return
+    others = [(point, 0.0) for name, point in profiles(problem).items() if name not in asked]
+    best = holding(planned, datums(others, [1.0] * len(others))) if others else ()
+    word, last = problem.domain.conventions.alignment, max(point.step for point in asked.values())
+    facts = ", ".join(f"{word}({name}, {last})" for name in best[:HELPERS])
+    hint = f"add more, such as {facts}" if facts else "add points that hold it"
+    raise InvalidInput([Diagnostic(Source(problem.path), "K421", reason, f"{hint}, to `statics`")])
 
 
 def located(problem: Problem, measured: Sequence[Measured]) -> tuple[tuple[str, ...], Alignment | Unaligned]:

@@ -56,9 +56,14 @@ def lying_in(alignments: Iterable[tuple[Mapping[str, Any], int]]) -> tuple[Lying
     return found, refused
 
 
+def profiles(problem: Problem) -> dict[str, MeasurementPoint]:
+    """The profiles of a problem whose places are known, by name."""
+    return {point.name: point for point in points(with_places(problem)) if point.kind == PROFILE}
+
+
 def datum_points(problem: Problem) -> dict[str, MeasurementPoint]:
     """The profiles of a problem that are datums, by name."""
-    known = {point.name: point for point in points(with_places(problem)) if point.kind == PROFILE}
+    known = profiles(problem)
     steps = {name: point for name, point in known.items() if point.step}
     return steps or known
 

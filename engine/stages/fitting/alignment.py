@@ -19,6 +19,7 @@ AGREES = 3.5  # standard deviations
 SAMPLES, STEPS, ROUNDS = 60, 8, 10  # sets of few datums, steps of least squares, choices of those that agree
 SHARE = 0.6  # of the datums that must agree
 LOOSE = 1e-7  # of the best known motion: a motion known so much worse is free
+HOLDS = 0.5  # of the free motion that a point along its normal feels, of one that holds it
 SETTLED = 1e-10  # of the best known motion, too: least squares that know one worse settle nothing
 STILL = 1e-12  # m and rad: a smaller step is the last
 SEED = 20261123
@@ -190,15 +191,47 @@ def _lacking(datums: Datums, used: Truths) -> str | None:
     some = _some(datums, used)
     if not len(some.nominal):
         return "there are no datums"
-    size = float(np.linalg.norm(some.nominal - some.nominal.mean(axis=0), axis=1).max()) or 1.0
-    rows = _rows(some, np.eye(4))
-    by = rows.by * np.array([1.0, 1.0, 1.0, *[1.0 / size] * 3])
-    values, vectors = np.linalg.eigh(by.T @ by)
-    if values[0] <= LOOSE * values[-1]:
-        return f"the datums leave {_motion(vectors[:, 0])} free"
-    if len(rows.off) <= 6:
+    if (free := _loosest(some)) is not None:
+        return f"the datums leave {_motion(free)} free"
+    if len(_rows(some, np.eye(4)).off) <= 6:
         return "no datum is to spare, so a wrong one would not be noticed: measure more"
     return None
+
+
+def lacking(datums: Datums) -> str | None:
+    """What datums leave free wherever they are measured, or that none is to spare; None if they hold the part and check each other."""
+    return _lacking(datums, np.ones(len(datums.nominal), bool))
+
+
+def holding(datums: Datums, others: Datums) -> tuple[str, ...]:
+    """Of other points, those that hold the motion that the datums leave free, those that hold it best first; all if nothing is free."""
+    free = _loosest(datums)
+    if free is None:
+        return others.names
+    centre = datums.nominal.mean(axis=0)
+    by = _scaled(_rows(others, np.eye(4), centre).by, _size(datums)) * others.sigma_m[:, None]
+    held = np.abs(by @ free)
+    order = [number for number in np.argsort(-held, kind="stable") if held[number] > HOLDS]
+    return tuple(others.names[number] for number in order)
+
+
+def _loosest(datums: Datums) -> Floats | None:
+    """The motion (6,) that the datums leave free, turns as shifts of the farthest datum; None if they leave none."""
+    by = _scaled(_rows(datums, np.eye(4)).by, _size(datums))
+    values, vectors = np.linalg.eigh(by.T @ by)
+    free: Floats | None = vectors[:, 0] if values[0] <= LOOSE * values[-1] else None
+    return free
+
+
+def _scaled(by: Floats, size: float) -> Floats:
+    """Rows (n, 6) with turns in shifts at a distance."""
+    scaled: Floats = by * np.array([1.0, 1.0, 1.0, *[1.0 / size] * 3])
+    return scaled
+
+
+def _size(datums: Datums) -> float:
+    """How far (m) the farthest datum is from their centre; 1 if there is only one."""
+    return float(np.linalg.norm(datums.nominal - datums.nominal.mean(axis=0), axis=1).max()) or 1.0
 
 
 def _motion(vector: Floats) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 from pathlib import Path
 
 import numpy as np
@@ -173,3 +174,22 @@ def test_a_file_that_is_no_truth_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(InvalidInput) as error:
         read_truth(str(tmp_path / "truth.json"), problem, 0)
     assert [each.code for each in error.value.diagnostics] == ["K413"]
+
+
+def test_datums_that_cannot_hold_the_part_are_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    target = job(tmp_path, {})
+    text = target.read_text().replace("alignment(d", "near(d")  # no datums but those that look along x and y
+    datums = [f"  - alignment(d{n}, 1)" for n in range(1, DATUMS + 1) if n % 3 != 2]
+    lines = [line for line in text.splitlines() if "near(d" not in line]
+    at = lines.index("statics:") + 1
+    target.write_text("\n".join([*lines[:at], *datums, *lines[at:], ""]))
+    problem = load(target).problem
+    assert problem is not None
+    wanted = Wanted(str(target), store=str(tmp_path / "runs.db"), run="one")
+    with pytest.raises(InvalidInput) as refused:
+        begin(named(wanted, problem), problem, Timed())
+    (said,) = refused.value.diagnostics
+    assert said.message == "the datums leave a shift along (0.00, 0.00, 1.00) free"
+    helpers = re.findall(r"alignment\((\w+), 1\)", said.hint or "")
+    assert len(helpers) == 3
+    assert all(name.startswith(("p", "d2", "d5", "d8", "d11", "d14")) for name in helpers)

@@ -8,7 +8,7 @@ import pytest
 from engine.kernels.rigid import apply, transform, turned
 from engine.model.fits import Alignment, Datums, Unaligned
 from engine.model.geometry import Floats, Longs
-from engine.stages.fitting.alignment import aligned, sure_enough
+from engine.stages.fitting.alignment import aligned, holding, lacking, sure_enough
 
 SIGMA_M = 1e-4
 
@@ -136,3 +136,19 @@ def _only(datums: Datums, kept: Longs) -> Datums:
         datums.sigma_m[kept],
         datums.whole[kept],
     )
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_points_that_hold_what_is_free_are_named(axis: int) -> None:
+    random = np.random.default_rng(axis)
+    every = measured(random, np.eye(4), 30)
+    along = np.eye(3)[np.arange(30) % 3]
+    every = replace(every, normals=along)
+    flat = along[:, axis] == 0
+    some, others = _only(every, np.flatnonzero(flat)), _only(every, np.flatnonzero(~flat))
+    assert "free" in (lacking(some) or "")
+    named = holding(some, others)
+    assert named
+    first = _only(every, np.flatnonzero(flat | np.isin(np.array(every.names), named[:1])))
+    assert "free" not in (lacking(first) or "")
+    assert holding(every, others) == others.names
