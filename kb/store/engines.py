@@ -5,6 +5,7 @@ see one consistent state and block no one. If a process is killed, its last tran
 """
 
 import contextlib
+import logging
 import os
 import sqlite3
 import time
@@ -71,6 +72,8 @@ def connected(target: str, reads: bool = False) -> Engine:
     url = address(target)
     if url.drivername == "sqlite":
         return _sqlite(url, reads)
+    # a connection that cannot even be closed is told as the error of its statement; nobody needs a traceback of it
+    logging.getLogger("sqlalchemy.pool").addHandler(logging.NullHandler())
     try:
         return create_engine(url, pool_pre_ping=True)
     except ModuleNotFoundError:

@@ -1,5 +1,9 @@
 """Names of libraries that cannot be used are refused with one diagnostic."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from kb.diagnostics import InvalidInput
@@ -22,3 +26,12 @@ def test_an_odd_address_is_refused(name: str) -> None:
 @pytest.mark.parametrize("name", ["library.db", "~nobody_of_this_name/library.db", "sqlite:///library.db"])
 def test_files_are_taken(name: str) -> None:
     assert address(name).drivername == "sqlite"
+
+
+def test_a_connection_that_cannot_be_closed_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    program = (
+        "import logging; from kb.store.engines import connected; connected('postgresql://me@nowhere/db');"
+        "logging.getLogger('sqlalchemy.pool.impl.QueuePool').error('Exception terminating connection')"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=Path(__file__).parents[3])
+    assert capfd.readouterr() == ("", "")
