@@ -11,6 +11,7 @@ library, is told apart. Exits with 1 if the 99th percentile is above 20 ms, or i
 
 import argparse
 import dataclasses
+import gc
 import json
 import os
 import random
@@ -55,10 +56,12 @@ class Told:
 
 def client(url: str, bench: Bench, days: Sequence[Day], number: int, asked: argparse.Namespace) -> Told:
     """One client, until it has made its lookups."""
+    gc.set_threshold(100_000)  # as the commands do
     draw, told = random.Random(f"{SEED} {number}"), Told()
     queries = [
         query(*bench.posed(again(draw.choice(days), draw, asked.points))) for _ in range(asked.lookups)
     ]
+    gc.freeze()  # what the benchmark itself keeps in memory is none of lookup's concern
     with Library(url) as library, Sequences(url) as sequences, Cases(url) as cases:
         repertoire = Repertoire(library, bench.problem.domain)
         for turn, each in enumerate(queries):

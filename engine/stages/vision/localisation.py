@@ -30,8 +30,9 @@ CARRIED = 0.15  # the share of a part's surroundings that must be as high as the
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead.
+    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead, at least and as a share of it.
 
+    The share is there because errors of neighbouring pixels are not independent: many pixels tell less than their number says.
     `within_m` is the standard deviation of its place in the direction that is told least. `off_px` is how far a piece of an edge may be off on average; less than a pixel, because between two pixels nothing is seen.
     """
 
@@ -41,6 +42,7 @@ class Demands:
     off_px: float = 0.6
     pixels: int = 250
     ahead: float = 40.0
+    ahead_share: float = 0.002
     within_m: float = 0.0006
 
 
@@ -124,7 +126,8 @@ def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Dema
     rivals = [each for each in others if _as_sound(each, first)]
     second = max(rivals or others, key=lambda each: each.evidence, default=None)
     reason = doubt(best, demands)
-    if not reason and rivals and second is not None and best.evidence - second.evidence < demands.ahead:
+    needed = max(demands.ahead, demands.ahead_share * best.evidence)
+    if not reason and rivals and second is not None and best.evidence - second.evidence < needed:
         reason = "two poses explain the image equally well"
     least = float(np.sqrt(max(np.linalg.eigvalsh(covariance[:3, :3])[-1], 0.0)))
     if not reason and least > demands.within_m:
