@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from kb.model.conditions import Condition, goal_parts
+from kb.model.conditions import Condition, Literal, goal_parts
 from kb.model.conditions import literals as literals_of
 from kb.model.domain import Domain
 from kb.model.problem import Problem
@@ -39,6 +39,15 @@ def wanted(problem: Problem) -> set[str]:
     """The measurements that the goals name."""
     known = set(measurements_of(problem))
     return {name for goal in goal_parts(problem.goal) for name in named(goal, known)}
+
+
+def asked_for(problem: Problem) -> set[str] | None:
+    """The measurements that goals and workflows name; None if that is all of them, or if some goal names none: it may take any."""
+    known = set(measurements_of(problem))
+    stages = (Literal(stage) for chain in problem.chains for stage in chain.stages)
+    names = [named(each, known) for each in (*goal_parts(problem.goal), *stages)]
+    found = set[str]().union(*names)
+    return found if all(names) and found < known else None
 
 
 def named(goal: Condition, known: Collection[str]) -> set[str]:

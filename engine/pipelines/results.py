@@ -19,7 +19,13 @@ from kb.store.journal import Begun, Journal, Line
 from kb.terms import Function, Term
 
 KINDS = (RecordKind.REPLY.value, RecordKind.DONE.value)
-KNOWN = (RecordKind.ALIGNMENT, RecordKind.GIVEN_UP, RecordKind.WORLD, RecordKind.DECISION)
+KNOWN = (
+    RecordKind.PLAN,
+    RecordKind.ALIGNMENT,
+    RecordKind.GIVEN_UP,
+    RecordKind.WORLD,
+    RecordKind.DECISION,
+)
 TOLD = tuple(each.value for each in KNOWN)
 
 
@@ -61,12 +67,19 @@ def survey_of(store: str, run: str) -> Told:
                 return Told(results, None)
             told = list(journal.lines(run, kinds=TOLD))
     placed = [(line.content, line.at_ms) for line in told if line.kind == RecordKind.ALIGNMENT.value]
-    given_up = [
-        (line.content["goal"], line.content["why"]) for line in told if line.kind == RecordKind.GIVEN_UP.value
-    ]
+    given_up = list(_given_up(told))
     spoilt = spoilt_in((line.content, line.at_ms) for line in told if line.kind == RecordKind.WORLD.value)
     again = _again(line.content for line in told if line.kind == RecordKind.DECISION.value)
     return Told(results, survey(problem, results, placed, given_up, _impossible(problem), spoilt, again))
+
+
+def _given_up(told: Iterable[Line]) -> Iterator[tuple[str, str]]:
+    """The goals that were given up, each with its reason: before a plan was made, or while it was carried out."""
+    for line in told:
+        if line.kind == RecordKind.PLAN.value:
+            yield from ((goal, why) for goal, why in line.content.get("given_up", ()))
+        elif line.kind == RecordKind.GIVEN_UP.value:
+            yield line.content["goal"], line.content["why"]
 
 
 def _again(decisions: Iterable[Mapping[str, Any]]) -> dict[str, list[str]]:

@@ -58,7 +58,9 @@ def text(made: Made, stats: bool, folded: bool) -> "RenderableType":
     from engine.formats.report import text as report
 
     run = made.run
-    parts = [report.outcome(run.outcome, made.problem, run.timetable), *origin_text(made.origin)]
+    by_geometry = made.moving is not None and bool(made.moving.given_up or made.moving.refused)
+    shown = report.outcome(run.outcome, made.problem, run.timetable, by_geometry)
+    parts = [shown, *origin_text(made.origin)]
     if folded and made.origin.get("source", {}).get("parts"):
         parts = parts[1:]
     if run.itinerary:

@@ -26,13 +26,16 @@ from kb.model.problem import Problem
 WIDEST = 10_000
 
 
-def outcome(result: Outcome, problem: Problem, timetable: Timetable | None = None) -> RenderableType:
-    """An outcome for people; with a timetable also the chart of its plan."""
+def outcome(
+    result: Outcome, problem: Problem, timetable: Timetable | None = None, explained: bool = False
+) -> RenderableType:
+    """An outcome for people; with a timetable also the chart of its plan. `explained`: what is told below says why there is none."""
     match result:
         case Found(plan):
             return plan_table(plan, problem, timetable)
         case Infeasible(reason):
-            return Text(f"No plan exists: {reason}. `cellwright explain` tells what would allow one.")
+            more = "" if explained else " `cellwright explain` tells what would allow one."
+            return Text(f"No plan exists: {reason}.{more}")
         case GaveUp(reason):
             return Text(f"Gave up: {reason}.")
 

@@ -5,6 +5,7 @@ step has no motion any more, planning goes on without it, until a plan moves, or
 step is not sent either while it would meet another arm.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -67,6 +68,7 @@ class Paths:
     _why: str = "it has no motion"  # the last step that was refused
     _refused: list[Unmoved] = field(default_factory=list)
     _before: dict[int, Where] = field(default_factory=dict)
+    _lasts_ms: dict[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._walk = self.planned or self._fresh(self.problem)
@@ -102,7 +104,17 @@ class Paths:
                 self._walk.hands.put(where)
                 return f"{step} is not begun: {self._why}"
         self._before[number] = where
+        if not operation.drives:
+            self._lasts_ms[number] = math.ceil(found.seconds * 1000 - 1e-6)
         return ""
+
+    def lasts_ms(self, number: int) -> int | None:
+        """How long the motion of a step takes, which was looked at as the command of that number.
+
+        None if it needs none, or if the plan alone says how long: a body that carries the arm has no speeds. A plan counts whole units
+        of time, rounded up for each step; over a thousand points that adds up.
+        """
+        return self._lasts_ms.pop(number, None)
 
     @property
     def reason(self) -> str:

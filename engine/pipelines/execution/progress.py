@@ -13,7 +13,7 @@ from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
-from engine.pipelines.execution.sending import arms, refusal
+from engine.pipelines.execution.sending import arms, lasting, refusal
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
@@ -206,7 +206,7 @@ class Progress:
             return
         each = self.compiled.program.activities[sent.activity]
         why = refusal(self.paths, self.world.facts, self.compiled, self.standing, sent.number, each)
-        self.post(command_of(sent.number, each), each.id, sent=not why)
+        self.post(command_of(sent.number, lasting(self.paths, sent.number, each)), each.id, sent=not why)
         if why:
             self.unsent.append(Reply(sent.number, NO_MOTION, self.driver.now_ms(), {"why": why}))
 

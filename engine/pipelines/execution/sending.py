@@ -1,6 +1,7 @@
 """A run with motion looks at each step before it is sent. In a run without motion, which has no paths, nothing of this happens."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from engine.pipelines.execution.compiling import Compiled
@@ -33,6 +34,12 @@ def refusal(
         if other.stream == each.stream and other.id != each.id:
             before = _after(before, compiled.changes[other.id])
     return paths.refusal(number, read_atom(each.action), before, _after(before, compiled.changes[each.id]))
+
+
+def lasting(paths: "Paths | None", number: int, each: Activity) -> Activity:
+    """A step that was looked at as the command of that number, with the time of its motion in place of the forecast."""
+    lasts = paths.lasts_ms(number) if paths is not None else None
+    return each if lasts is None else replace(each, lasts_ms=lasts)
 
 
 def _after(facts: frozenset[Atom], change: StepChange) -> frozenset[Atom]:

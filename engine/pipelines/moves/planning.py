@@ -32,6 +32,7 @@ from engine.ports import GeometryBackend
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
 from engine.stages.scheduling.blocks import mentions
+from kb.asp.excerpt import excerpt
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Cell
 from kb.model.plan import Plan, StepId
@@ -41,6 +42,7 @@ from kb.terms import Function
 
 MOST_BARS = 60  # steps without motion, after which planning gives up
 NONE_LOST: Mapping[str, str] = {}
+NOTHING_LEFT = "no arm can take any of the measurements that are asked for"
 PASSING = "of all ways in which the arms pass each other, each with its steps in this order"
 ROUNDS = 4  # schedules, each of whose order is walked through again
 
@@ -89,8 +91,11 @@ def plan_moving(
             if more := _lost(problem, refused, lost):
                 lost = {**lost, **more}
                 continue
+            outcome = _without(run.outcome, refused)
+            if left is problem and lost and isinstance(outcome, Infeasible):
+                outcome = replace(outcome, reason=NOTHING_LEFT)
             given_up = given_up or all_lost(problem, lost)
-            return Moving(Run(_without(run.outcome, refused)), problem, (), tuple(refused), given_up)
+            return Moving(Run(outcome), problem, (), tuple(refused), given_up)
         steps = list(walk.steps(run.outcome.plan))
         if steps and isinstance(steps[-1], Unmoved):
             refused.append(steps[-1])
@@ -168,7 +173,7 @@ def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequ
         if settled:
             return _made(asked, run, table, steps, refused)
     barred, plan = with_times(asked.barred, plan, steps)
-    table = own_order(barred, ground(barred), plan)
+    table = own_order(barred, ground(excerpt(barred)), plan)
     return _made(asked, run, table, steps, refused)
 
 
@@ -242,5 +247,5 @@ def _scheduled(problem: Problem, plan: Plan, run: Run) -> Timetable | None:
     """The plan in the best order that is found with these times; a sequence of measurements keeps its order."""
     if run.itinerary is not None or len(plan.steps) > LONG:
         return keeping(problem, plan)
-    made = timed(problem, ground(problem), plan)
+    made = timed(problem, ground(excerpt(problem)), plan)
     return made if isinstance(made, Timetable) else None

@@ -29,14 +29,17 @@ TOGETHER = 64  # measurements that are looked at together
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Knowledge:
-    """The poses of all measurements of a problem, by measurement, tool and station.
+    """The poses of all measurements of a problem, or of some, by measurement, tool and station.
 
-    `kept` counts those that were known already, `made` those that were found now.
+    `kept` counts those that were known already, `made` those that were found now. Of the `unasked` measurements nothing is known;
+    the arm can stand at the `standing` stations.
     """
 
     poses: Mapping[Key, MeasurementPoses] = field(default_factory=dict)
     kept: int = 0
     made: int = 0
+    unasked: frozenset[str] = frozenset()
+    standing: tuple[str, ...] = ()
 
     def unreached(self) -> dict[str, str]:
         """The measurements that no station reaches, each with the reasons, station by station."""
@@ -49,8 +52,8 @@ class Knowledge:
         return {name: "; ".join(dict.fromkeys(said)) for name, said in reasons.items()}
 
     def stations(self) -> dict[str, tuple[str, ...]]:
-        """The stations that reach each measurement."""
-        found: dict[str, list[str]] = {}
+        """The stations that reach each measurement; all stations for those that were not asked about."""
+        found = {name: list(self.standing) for name in self.unasked}
         for each in self.poses.values():
             if each.reached and each.station:
                 found.setdefault(each.measurement, []).append(each.station)
@@ -69,11 +72,13 @@ def known_poses(
     words = problem.domain.conventions
     tools = chosen_tools(semantics)
     whole = with_measured_places(cell, problem, tools)
-    tools = {name: tool for name, tool in tools.items() if only is None or name in only}
+    unasked = frozenset(name for name in tools if only is not None and name not in only)
+    tools = {name: tool for name, tool in tools.items() if name not in unasked}
+    stations = stations_of_cell(whole)
     widths = _widths(semantics)
     kinematics = {name: InverseKinematics(model) for name, model in World.of(whole).models.items()}
     found: dict[Key, MeasurementPoses] = {}
-    for station, fact in stations_of_cell(whole) or (("", None),):
+    for station, fact in stations or (("", None),):
         for places in _alike(whole, [each for each in whole.places.values() if _chosen(words, tools, each)]):
             room = Room(_standing(whole, semantics, fact, places[0]), backend, kinematics)
             asked = [
@@ -83,7 +88,7 @@ def known_poses(
             ]
             found |= _found(room, asked, station, known or {})
     kept = sum(found[key] is each for key, each in (known or {}).items() if key in found)
-    return Knowledge(found, kept, len(found) - kept)
+    return Knowledge(found, kept, len(found) - kept, unasked, tuple(name for name, _ in stations))
 
 
 def chosen_tools(semantics: Semantics) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from engine.model.measurements import chooses_tools, is_shared
+from engine.model.measurements import asked_for, chooses_tools, is_shared
 from engine.pipelines.moves.planning import Moving, plan_moving
 from engine.pipelines.moves.walking import Ways
 from engine.pipelines.objective import Run
@@ -37,7 +37,7 @@ def plan_with_poses(
     """
     if not chooses_tools(problem.domain) or is_shared(problem):
         return MovingInspection(plan_moving(problem, cell, backend, planned, seed))
-    knowledge = kept_poses(store, problem, cell, backend) if store else known_poses(problem, cell, backend)
+    knowledge = _of_wanted(problem, cell, backend, store)
     ways = _ways(problem, knowledge)
     told = with_stations(problem, knowledge)
     moving = plan_moving(told, cell, backend, planned, seed, ways, knowledge.unreached())
@@ -48,7 +48,15 @@ def known_ways(problem: Problem, cell: Cell, backend: GeometryBackend, store: st
     """The straight ways into the places of measurements that a store has, or that are found now."""
     if not chooses_tools(problem.domain) or is_shared(problem):
         return {}
-    return _ways(problem, kept_poses(store, problem, cell, backend))
+    return _ways(problem, _of_wanted(problem, cell, backend, store))
+
+
+def _of_wanted(problem: Problem, cell: Cell, backend: GeometryBackend, store: str) -> Knowledge:
+    """The poses of the measurements that are asked for: a few of a large part take no longer than those few."""
+    only = asked_for(problem)
+    if store:
+        return kept_poses(store, problem, cell, backend, only)
+    return known_poses(problem, cell, backend, only=only)
 
 
 def _ways(problem: Problem, knowledge: Knowledge) -> Ways:

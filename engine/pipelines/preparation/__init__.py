@@ -5,12 +5,13 @@ sequence is kept, too. A preparation that was cut off goes on where it was: a le
 """
 
 import contextlib
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from engine.pipelines.planning import loaded
 from engine.pipelines.preparation import notes
-from engine.pipelines.preparation.poses import find_poses
+from engine.pipelines.preparation.poses import find_poses, with_found
 from engine.pipelines.preparation.problem import lost, work
 from engine.pipelines.preparation.results import (
     KeptPoses,
@@ -54,8 +55,7 @@ def prepare(
         stale = _without_stale(paths, store)
     except Stopped:
         return Preparation(tuple(lost(job, INTERRUPTED) for job in jobs))
-    if not isinstance(crew, Alone):
-        find_poses(jobs, crew, limits.interrupted)
+    before = Counter[Path]() if isinstance(crew, Alone) else find_poses(jobs, crew, limits.interrupted)
     units = [Unit(str(job.path), job.content, job) for job in jobs]
     kind = Kind(
         f"prepare {limits.expansions} {limits.seed}",
@@ -66,7 +66,7 @@ def prepare(
     found: dict[Path, Prepared] = {}
     with contextlib.closing(carried_out(kind, units, crew, limits.interrupted)) as answers:
         for unit, prepared in answers:
-            found[unit.job.path] = prepared
+            found[unit.job.path] = with_found(prepared, before[unit.job.path])
             progress(len(found), len(jobs))
     return Preparation(tuple(found[job.path] for job in jobs if job.path in found), stale)
 

@@ -5,15 +5,16 @@ theirs are found before, some at a time.
 """
 
 import contextlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from engine.kernels.cancellation import Interrupted
 from engine.model.measurements import chooses_tools, measurements_of
 from engine.pipelines.planning import loaded
-from engine.pipelines.preparation.results import PreparationJob
+from engine.pipelines.preparation.results import PreparationJob, Prepared
 from engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out
 from engine.pipelines.units.content import require_same
 from kb.diagnostics import InvalidInput
@@ -42,18 +43,31 @@ class PosesFound:
     why: str = ""
 
 
-def find_poses(jobs: Sequence[PreparationJob], crew: Crew, interrupted: Interrupted) -> None:
-    """Find the poses of large problems, if there are few problems, and keep them in the store. Raises `InvalidInput`."""
+def find_poses(jobs: Sequence[PreparationJob], crew: Crew, interrupted: Interrupted) -> Counter[Path]:
+    """Find the poses of large problems, if there are few problems, and keep them in the store; how many for each file.
+
+    Raises `InvalidInput`.
+    """
+    found = Counter[Path]()
     if len(jobs) > FEW:
-        return
+        return found
     units = [unit for job in jobs for unit in _units(job)]
     if not units:
-        return
+        return found
     ledger = Ledger(jobs[0].store, _is_finished, asdict, _read)
     kind = Kind("poses", _find, _lost, ledger)
     with contextlib.closing(carried_out(kind, units, crew, interrupted)) as answers:
-        for _ in answers:
-            pass
+        for unit, answer in answers:
+            found[unit.job.job.path] += answer.made
+    return found
+
+
+def with_found(prepared: Prepared, made: int) -> Prepared:
+    """The result for a problem, for which so many poses had been found before: they count as found, not as kept."""
+    poses = prepared.poses
+    if poses is None or not made:
+        return prepared
+    return replace(prepared, poses=replace(poses, made=poses.made + made, kept=poses.kept - made))
 
 
 def cell_of_measurements(problem: Problem) -> Cell | None:

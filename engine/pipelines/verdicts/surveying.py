@@ -38,7 +38,7 @@ def survey(
     features = tuple(replace(each, again=tuple(again.get(each.of, ()))) for each in judged)
     done = {each.of for each in features}
     why = _reasons(problem, given_up, impossible or {})
-    missing = tuple(Unmeasured(name, why[name]) for name in measurements_of(problem) if name not in done)
+    missing = tuple(Unmeasured(name, said) for name, said in why.items() if name not in done)
     places = {point.name: point.position for point in points(with_places(problem))}
     if found is None:
         return Survey(features, missing, places, refused=refused)
@@ -49,11 +49,10 @@ def survey(
 def _reasons(
     problem: Problem, given_up: Iterable[tuple[str, str]], impossible: Mapping[str, str]
 ) -> dict[str, str]:
-    asked = wanted(problem)
-    found = {
-        name: "the run has not come to it" if name in asked else "no goal asks for it"
-        for name in measurements_of(problem)
-    }
+    """Why each measurement is not made if it is not made; those that goals ask for come first."""
+    asked, names = wanted(problem), measurements_of(problem)
+    found = {name: "the run has not come to it" for name in names if name in asked}
+    found |= {name: "no goal asks for it" for name in names if name not in asked}
     words = problem.domain.conventions
     for goal, why in given_up:
         found |= {name: why for name in found if f"{words.place(name)}" in goal}

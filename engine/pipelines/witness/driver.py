@@ -1,7 +1,7 @@
 """The driver `mujoco`: steps of the arm are played by the physics engine, which decides whether they have worked.
 
 Everything else, tests and repairs too, is as in the simulator: a fault is there by its cause, and tests are answered by it.
-The clock is virtual; a step lasts as long as the plan says.
+The clock is virtual; a step lasts as long as its motion was planned to, or as the plan says where it has none.
 """
 
 from collections.abc import Mapping

@@ -36,10 +36,10 @@ def test_units_find_the_poses_that_one_call_finds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: int
 ) -> None:
     monkeypatch.setattr(poses, "MANY", 4)
-    poses.find_poses([job(tmp_path / "units.db")], crew_of(processes), lambda: False)
+    found = poses.find_poses([job(tmp_path / "units.db")], crew_of(processes), lambda: False)
     problem = problem_of(TARGET)
     alone = kept_poses(str(tmp_path / "alone.db"), problem, cell_of(TARGET), geometry_backend())
-    assert alone.made == len(documents(tmp_path / "alone.db")) > 0
+    assert alone.made == len(documents(tmp_path / "alone.db")) == found.total() > 0
     assert documents(tmp_path / "units.db") == documents(tmp_path / "alone.db")
     again = kept_poses(str(tmp_path / "units.db"), problem, cell_of(TARGET), geometry_backend())
     assert (again.made, again.kept) == (0, alone.made)
@@ -71,6 +71,9 @@ def test_a_preparation_by_processes_keeps_shares_and_finds_what_the_units_found(
     (six,) = made.problems
     assert six.status == "found"
     assert six.poses is not None
-    assert (six.poses.made, six.poses.reached) == (0, 6)
+    assert (six.poses.made, six.poses.kept, six.poses.reached) == (len(documents(tmp_path / "cell.db")), 0, 6)
     assert six.sequence is not None
     assert six.sequence.way == "made"
+    (again,) = preparation.prepare(paths, str(tmp_path / "cell.db"), Limits(100_000), crew_of(2)).problems
+    assert again.poses is not None
+    assert (again.poses.made, again.poses.kept) == (0, six.poses.made)

@@ -10,7 +10,9 @@ import pytest
 
 from engine.kernels.rigid import apply, difference, transform, turned
 from engine.model.execution import Finish, Order, RecordKind
-from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
+from engine.pipelines.execution import Given, Scope, Timed, Wanted, begin, named, resume
+from engine.pipelines.moves.leaving_out import within_reach
+from engine.pipelines.planning import problem_of
 from engine.pipelines.results import survey_of
 from engine.pipelines.simulator.truth import believed, read_truth
 from kb.asp import ground_term
@@ -193,3 +195,20 @@ def test_datums_that_cannot_hold_the_part_are_refused_before_anything_is_measure
     helpers = re.findall(r"alignment\((\w+), 1\)", said.hint or "")
     assert len(helpers) == 3
     assert all(name.startswith(("p", "d2", "d5", "d8", "d11", "d14")) for name in helpers)
+
+
+def test_what_was_given_up_before_the_run_is_told_with_its_reason_before_what_no_goal_asks_for(
+    tmp_path: Path,
+) -> None:
+    target, store = job(tmp_path, {}), str(tmp_path / "runs.db")
+    goals = "measured(_, _, meas(p2)), measured(_, _, meas(p5))"
+    told = problem_of(str(target), goals)
+    left, given_up = within_reach(told, {"p5": "the jig is in the way"})
+    asked = named(Wanted(str(target), goals, store=store), told)
+    begin(asked, left, Timed(), scope=Scope(left, given_up))
+    shown = survey_of(store, asked.run).survey
+    assert shown is not None
+    assert [each.of for each in shown.features] == ["p2"]
+    first, second, *_ = shown.unmeasured
+    assert (first.name, first.why) == ("p5", "the jig is in the way")
+    assert second.why == "no goal asks for it"

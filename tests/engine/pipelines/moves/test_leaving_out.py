@@ -1,17 +1,21 @@
 """Measurements that no arm can take are told before anything moves, each with its reason; everything else is planned."""
 
+import io
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from engine.formats.report import planned
 from engine.model.moves import MovedStep, Unmoved
-from engine.model.outcome import Found
+from engine.model.outcome import Found, Infeasible
 from engine.pipelines import objective
 from engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
 from engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.leaving_out import all_lost, within_reach
+from engine.pipelines.moves.planning import plan_moving
 from engine.pipelines.moves.walking import Walk, operation_of
 from engine.pipelines.planning import problem_of
 from engine.pipelines.poses.planning import plan_with_poses
@@ -146,6 +150,22 @@ def test_where_everything_is_lost_the_problem_stays() -> None:
     lost = {f"m{n}": "it is too far" for n in range(1, 13)}
     assert within_reach(problem, lost) == (problem, ())
     assert [each.why for each in all_lost(problem, lost)] == ["it is too far"]
+
+
+def test_where_nothing_can_be_taken_the_answer_says_so_and_sends_nobody_to_explain() -> None:
+    problem = load_problem("bulkhead/one_point")
+    lost = {f"m{n}": "it is too far" for n in range(1, 13)}
+    made = plan_moving(problem, cell_of("bulkhead"), geometry_backend(), no_plan, lost=lost)
+    assert made.run.outcome == Infeasible("no arm can take any of the measurements that are asked for")
+    console = Console(file=io.StringIO(), width=200)
+    console.print(planned.text(planned.Made(made.run, problem, {}, made), False, False))
+    said = console.file.getvalue()
+    assert "it is too far" in said
+    assert "cellwright explain" not in said
+
+
+def no_plan(_: Problem) -> objective.Run:
+    return objective.Run(Infeasible("there is none"))
 
 
 def test_what_waits_for_a_lost_measurement_no_longer_waits() -> None:

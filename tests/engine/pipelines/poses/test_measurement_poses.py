@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from engine.model.measurements import asked_for
 from engine.pipelines import poses
 from engine.pipelines.moves.rides import Ride
 from engine.pipelines.moves.rooms import Room
@@ -25,6 +26,7 @@ from kb.model.shapes import Box, PlacedShape, Pose
 from kb.terms import Function, Number
 
 PROBLEM = "bulkhead/three_stations"
+STATIONS = ("left", "middle", "right")
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +143,26 @@ def test_nothing_is_found_again_where_nothing_has_changed(
     assert (again.kept, again.made) == (len(known.poses), 0)
     far = known_poses(problem, with_block(cell, (0.0, 0.0, 3.0)), geometry_backend(), known.poses)
     assert far.made == 0
+
+
+def test_only_what_is_asked_for_is_looked_at_and_the_rest_may_be_reached_from_anywhere(cell: Cell) -> None:
+    some = problem_of(PROBLEM, "measured(_, _, meas(b1))")
+    assert asked_for(some) == {"b1"}
+    found = known_poses(some, cell, geometry_backend(), only=asked_for(some))
+    assert {each.measurement for each in found.poses.values()} == {"b1"}
+    assert found.unasked == {"a1", "a2", "c1", "c2"}
+    bare = replace(some, statics=tuple(each for each in some.statics if each.name != "serves"))
+    facts = {str(each) for each in with_stations(bare, found).statics if each.name == "serves"}
+    assert facts - {f"serves({s}, b1)" for s in STATIONS} == {
+        f"serves({s}, {n})" for s in STATIONS for n in found.unasked
+    }
+
+
+@pytest.mark.parametrize(
+    "goals", ["", "measured(us_probe, _, _)", "measured(_, _, meas(b1)), hand_empty(t3_746)"]
+)
+def test_where_a_goal_names_no_measurement_all_are_looked_at(goals: str) -> None:
+    assert asked_for(problem_of(PROBLEM, goals)) is None
 
 
 def test_a_block_before_one_point_touches_only_the_poses_near_it_and_takes_the_point_away(
