@@ -28,11 +28,18 @@ def explained(error: UnexpectedInput, text: str, start: str) -> ExpressionError:
     hint = _TOKEN_HINTS.get(":" if text[:offset].rstrip().endswith(":") else text[offset : offset + 1], "")
     if start in ("atoms", "stages", "clauses") and re.search(r"\bnot\s+$", text[:offset]):
         hint = _NOT_HINT
+    if text[offset : offset + 1] == "|" and (
+        start in ("term", "terms") or not re.search(r"[\w)]\s*$", text[:offset])
+    ):
+        hint = _ABSOLUTE_HINT
     hint = hint or (f"expected {' or '.join(readable)}" if readable else _SHAPES[start])
     return ExpressionError(offset, said, hint)
 
 
 _NOT_HINT = "`not` is only allowed in conditions; facts that are not listed are false, and `deletes` and `denies` make facts false"
+_ABSOLUTE_HINT = (
+    "absolute values are known in .lp files: derive a fact with one there, and bind its number under `where`"
+)
 _ATOMS, _CONDITIONS = (
     "atoms, such as at(Item, To), with commas between",
     "atoms and comparisons, such as not heavy(Item), X != Y",

@@ -235,6 +235,21 @@ def test_conditions_that_are_none(text: str) -> None:
         parse("conditions", text)
 
 
+@pytest.mark.parametrize(
+    ("start", "text"), [("term", "|T - 10|"), ("body", "|T - 10| < 3"), ("body", "X < 2, 3 < |T|")]
+)
+def test_an_absolute_value_is_told_where_it_is_known(start: str, text: str) -> None:
+    with pytest.raises(ExpressionError) as refused:
+        parse(start, text)
+    assert ".lp files" in refused.value.hint
+
+
+def test_a_bar_behind_an_atom_is_told_as_a_choice() -> None:
+    with pytest.raises(ExpressionError) as refused:
+        parse("atoms", "a(X) | b(X)")
+    assert "between atoms of a condition" in refused.value.hint
+
+
 def codes(folder: Path, rules: str) -> list[tuple[str, int]]:
     """What a load finds in the rules: codes and lines."""
     try:

@@ -58,7 +58,8 @@ def _results(run: str, store: str, output: Path | None) -> Answer:
     found = results_of(store, run)
     output.write_bytes(written(found, form).encode("utf-8"))
     content = {"file": str(output), "measured": len(found.measured)}
-    return Answer("ok", content, lambda: Text(str(output)))
+    said = str(output) if found.measured else f"{output}: nothing was measured"
+    return Answer("ok", content, lambda: Text(said))
 
 
 def _shown(run: str, store: str) -> Answer:

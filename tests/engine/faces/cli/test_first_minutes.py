@@ -203,6 +203,15 @@ def test_a_home_that_cannot_be_written_is_told_with_the_way_out(
     assert "--store FILE, or CELLWRIGHT_STORE" in ran.stderr
 
 
+def test_an_empty_file_of_results_is_told(tmp_path: Path) -> None:
+    store = ("--store", str(tmp_path / "runs.db"))
+    assert CliRunner().invoke(app, ["run", "themse/in_furnace", "--name", "lab", *store]).exit_code == 0
+    for kind in ("csv", "qif"):
+        told = CliRunner().invoke(app, ["results", "lab", "-o", str(tmp_path / f"lab.{kind}"), *store])
+        assert told.exit_code == 0
+        assert "nothing was measured" in " ".join(told.stdout.split())
+
+
 def test_a_file_that_is_not_there_is_named_by_one_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
