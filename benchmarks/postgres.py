@@ -25,7 +25,7 @@ class Server:
     @property
     def url(self) -> str:
         """Where it is reached."""
-        return f"postgresql://cell@/postgres?unix_sock={self.folder}/.s.PGSQL.5432"
+        return f"postgresql://cell@/postgres?host={self.folder}"
 
     @property
     def _data(self) -> Path:

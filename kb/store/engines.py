@@ -1,4 +1,4 @@
-"""Connections to SQLite (one file, write-ahead log) and PostgreSQL (through pg8000), with strict transactions.
+"""Connections to SQLite (one file, write-ahead log) and PostgreSQL (through psycopg), with strict transactions.
 
 SQLite writers take the lock at the beginning, so that no other process can write between their reads and writes. Readers
 see one consistent state and block no one. If a process is killed, its last transaction is undone completely.
@@ -21,7 +21,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 BUSY_S = 60.0  # how long a SQLite writer waits for others
 MIGRATION, POSES, DRAFTS = 0x43656C6C, 0x43656C6D, 0x43656C6E  # keys of PostgreSQL's advisory locks
-POSTGRES = ("postgres", "postgresql", "postgresql+pg8000")
+POSTGRES = ("postgres", "postgresql", "postgresql+psycopg")
 
 
 def refusal(where: str, message: str, hint: str = "", code: str = "K416") -> InvalidInput:
@@ -61,7 +61,7 @@ def _postgres(url: URL) -> URL:
         raise refusal("--store", "the address names no user", _WAYS)
     if url.port is not None and not 0 < url.port < 65_536:
         raise refusal("--store", f"{url.port} is not a port", "from 1 to 65535; without one it is 5432")
-    return url.set(drivername="postgresql+pg8000")
+    return url.set(drivername="postgresql+psycopg")
 
 
 _WAYS = "give a file, or postgresql://USER@HOST/DATABASE"

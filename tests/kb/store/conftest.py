@@ -13,7 +13,7 @@ from benchmarks.postgres import PROGRAMS, emptied, served
 @pytest.fixture(scope="session")
 def postgres() -> Iterator[str]:
     """The URL of a server of our own, on a socket in a folder of our own."""
-    pytest.importorskip("pg8000", reason="the extra 'postgres' is not installed")
+    pytest.importorskip("psycopg", reason="the extra 'postgres' is not installed")
     if not PROGRAMS:
         pytest.skip("PostgreSQL is not installed")
     with served() as url:
