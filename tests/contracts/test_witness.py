@@ -1,7 +1,9 @@
 """The witness and the driver `mujoco`: plans that move are confirmed by physics, and what physics hinders is found and mended."""
 
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("mujoco")
@@ -156,6 +158,20 @@ def test_a_hand_still_holds_the_lid_that_does_not_turn_while_its_sensors_are_rea
     assert cell.answer("sense_grip_width") == "as_expected"
     assert cell.answer("sense_grip_force") == "tight"
     assert cell.answer("clear_rack") == CURED
+    assert cell.take("turn_bayonet(locked, unlocked)", "done") == "done"
+
+
+@pytest.mark.slow
+def test_a_joint_that_stopped_halfway_is_where_the_facts_have_it_after_a_repair() -> None:
+    cell = cell_with(block="bayonet")
+    body = cell.body
+    assert isinstance(body, Body)
+    assert cell.take("turn_bayonet(locked, unlocked)", "done") == "torque"
+    body.stage.put("bayonet", body.stage.world.guided("bayonet", 0.3))
+    assert cell.answer("clear_rack") == CURED
+    assert body.stage.value("bayonet") == pytest.approx(math.radians(40), abs=0.02)
+    seated = body.stage.actual(body.stage.world).pose("world", "lid")
+    assert np.abs(body.stage.pose("lid")[:3, 3] - seated[:3, 3]).max() < 0.005
     assert cell.take("turn_bayonet(locked, unlocked)", "done") == "done"
 
 

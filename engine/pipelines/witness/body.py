@@ -52,6 +52,7 @@ class Body:
         self._encounters = Encounters(walk.backend)
         self._told: Mapping[str, Any] = {}
         self._failed: Facts | None = None
+        self._last: list[str] = []  # what the last step was to move
         self._way_in: Leg | None = None  # of a step that was stopped while the arm dragged something
         if hindrance.friction is not None:
             self.stage.make_slippery(hindrance.friction)
@@ -71,7 +72,7 @@ class Body:
         moved = self.walk.step(Step(FIRST, step), operation, believed(before), believed(after))
         if not isinstance(moved, MovedStep):
             return self._stopped_again()
-        worlds = self._world(before), self._world(after)
+        worlds, self._last = (self._world(before), self._world(after)), self._moved(before, after)
         self.stage.guard = frozenset()
         self._make_way(moved, step, believed(before), believed(after))
         self.stage.guard = self.unknown.names
@@ -173,6 +174,15 @@ class Body:
                 self.stage.put(name, world)
         self.failed(after)
         self._open_after_failure()
+        for name in self._halfway(world):
+            if name in self._placed(after):
+                self.stage.put(name, world)
+
+    def _halfway(self, world: World) -> list[str]:
+        """The joints that the last step was to move, which may have stopped halfway, and the parts that ride on them, crooked perhaps."""
+        joints = [name for name in self._last if self.cell.bodies[name].guide is not None]
+        parts = (name for name in self.cell.bodies if is_free(self.cell, name))
+        return [*joints, *(name for name in parts if not set(joints).isdisjoint(world.supports(name)[1:]))]
 
     def _world(self, facts: Facts) -> World:
         return following(World.of(self.cell), facts)
