@@ -183,7 +183,7 @@ def pegs(number: int, first: int) -> Figures:
     from engine.pipelines.placing.inserting import Peg, tried
 
     peg, counts, forces = Peg(), Counter[str](), []
-    times: dict[str, list[float]] = {Search.SPIRAL: [], Search.TILT: []}
+    times: dict[str, list[float]] = {Search.SPIRAL.value: [], Search.TILT.value: []}
     for seed in range(first, first + number):
         random = np.random.default_rng(seed)
         angle, away, tilt = random.uniform(0, 2 * np.pi), random.uniform(0, 0.0015), random.normal(0, 0.002)
@@ -192,9 +192,9 @@ def pegs(number: int, first: int) -> Figures:
             room = peg.clearance_m / 2
             plan = Insertion(peg.depth_m, room, 0.0015, search, peg.radius_m, peg.length_m)
             found = tried(peg, plan, error, tilt)
-            counts[search] += int(found.phase is Phase.DONE)
+            counts[search.value] += int(found.phase is Phase.DONE)
             if search is not Search.NONE:
-                times[search].append(found.seconds)
+                times[search.value].append(found.seconds)
                 forces.append(found.force_n)
     medians = {f"{search}_s": float(np.median(each)) for search, each in times.items()}
     return {**counts, "pegs": number, **medians, "greatest_n": float(max(forces))}
