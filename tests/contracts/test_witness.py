@@ -141,6 +141,7 @@ def test_an_arm_that_touches_what_nobody_knows_of_goes_back_and_then_around(tmp_
     assert cell.told() == {}
 
 
+@pytest.mark.slow
 def test_a_drawer_that_is_blocked_does_not_open_until_somebody_has_cleared_it() -> None:
     cell = cell_with(block="drawer")
     assert cell.take("open_drawer", "done") == "stuck"

@@ -279,6 +279,7 @@ def test_negative_costs_are_not_supported() -> None:
         CellwrightEngine().validate(problem, SequentialPlan([]))
 
 
+@pytest.mark.slow
 def test_universal_goals_over_many_objects_are_solved() -> None:
     problem = corridor(40)
     assert len(solved(problem).plan.actions) == 40

@@ -25,6 +25,7 @@ def function(text: str) -> Function:
     return found
 
 
+@pytest.mark.slow
 def test_what_is_ready_takes_the_part_of_what_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reviewing, "PAYS_MS", 10**9)  # only choices, no other order
     ending, records, cell = executed(FOUR, settings=LATE)

@@ -62,7 +62,13 @@ def test_arms_in_the_middle_share_a_zone_and_one_waits() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "late_s"), [("crossing", 0.0), ("crossing", 3.0), ("scanned", 3.0), ("bench", 6.0)]
+    ("name", "late_s"),
+    [
+        ("crossing", 0.0),
+        ("crossing", 3.0),
+        ("scanned", 3.0),
+        pytest.param("bench", 6.0, marks=pytest.mark.slow),
+    ],
 )
 def test_no_delay_lets_the_arms_collide(name: str, late_s: float) -> None:
     made, drawn = moving(name), random.Random(3)

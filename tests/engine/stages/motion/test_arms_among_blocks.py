@@ -55,6 +55,7 @@ def test_each_query_ends_with_a_path_or_a_proof(tmp_path: Path, arm: str, cells:
     assert paths >= 3 * cells
 
 
+@pytest.mark.slow
 def test_a_proof_is_found_before_the_whole_work_is_spent(tmp_path: Path) -> None:
     """The elbow of the UR5 turns all round, but not through the upper arm."""
     rng = np.random.default_rng(18)
