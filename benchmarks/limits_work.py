@@ -40,12 +40,16 @@ RECORDS = 12  # behind which a run is killed
 
 @dataclass(frozen=True)
 class Work:
-    """A command line with much to do; how many processes it works with, and megabytes that it may be limited to."""
+    """A command line with much to do; how many processes it works with, and megabytes that it may be limited to.
+
+    `presses` is how often one presses Ctrl-C to end it at once.
+    """
 
     name: str
     arguments: tuple[str, ...]
     processes: int = 1
     megabytes: int = 200
+    presses: int = 1
 
 
 def works(folder: Path) -> Iterator[Work]:
@@ -112,10 +116,10 @@ def _motions(folder: Path) -> Iterator[Work]:
 
 def _runs(folder: Path, store: str) -> Iterator[Work]:
     """Runs, and what is left of them."""
-    yield Work("run", _run("themse/one", store, "--factor", "0.05"))
-    yield Work("run with faults", _run("themse/four", store, "--fault", "pick=not_gripped"))
-    yield Work("run motion", _run("themse/one", store, "--motion"))
-    yield Work("resume", ("resume", _stopped(folder), "--store", str(folder / "stopped.db")))
+    yield Work("run", _run("themse/one", store, "--factor", "0.05"), presses=2)
+    yield Work("run with faults", _run("themse/four", store, "--fault", "pick=not_gripped"), presses=2)
+    yield Work("run motion", _run("themse/one", store, "--motion"), presses=2)
+    yield Work("resume", ("resume", _stopped(folder), "--store", str(folder / "stopped.db")), presses=2)
     yield Work("results", ("results", "stopped", "--store", str(folder / "stopped.db")))
     yield Work("store check", ("store", "check", "--store", str(folder / "stopped.db")))
 

@@ -9,6 +9,7 @@ import logging
 import os
 import sqlite3
 import time
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,7 @@ def connected(target: str, reads: bool = False) -> Engine:
     # a connection that cannot even be closed is told as the error of its statement; nobody needs a traceback of it
     logging.getLogger("sqlalchemy.pool").addHandler(logging.NullHandler())
     try:
-        return create_engine(url, pool_pre_ping=True)
+        return _noted(create_engine(url, pool_pre_ping=True))
     except ModuleNotFoundError:
         hint = "install the extra: pip install 'cellwright[postgres]'"
         raise refusal("--store", "the driver for PostgreSQL is not installed", hint, "K414") from None
@@ -90,7 +91,21 @@ def _sqlite(url: URL, reads: bool) -> Engine:
     )
     event.listen(engine, "connect", _prepare)
     event.listen(engine, "begin", _begin)
+    return _noted(engine)
+
+
+_ENGINES = weakref.WeakSet[Engine]()
+
+
+def _noted(engine: Engine) -> Engine:
+    _ENGINES.add(engine)
     return engine
+
+
+def close_all() -> None:
+    """Close all connections of this process that nobody works with: it ends."""
+    for engine in list(_ENGINES):
+        engine.dispose()
 
 
 def _is_kept_from_writing(file: Path) -> bool:

@@ -21,6 +21,7 @@ import typer
 
 from engine.faces.cli.ending import abandon
 from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
+from engine.faces.cli.memory import is_short, lift_limit
 from engine.faces.cli.slow import answered
 from engine.faces.cli.watchdog import Watch, current
 from kb.stopping import Stopped
@@ -122,7 +123,8 @@ def _hearing() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    watch = current()
+    before = signal.signal(signal.SIGINT, watch.press if watch else signal.default_int_handler)
     try:
         yield
     finally:
@@ -157,11 +159,6 @@ def _made(make: Callable[[], Answer]) -> Answer:
     except InvalidInput as error:
         code = LIMIT if any(each.code == "K307" for each in error.diagnostics) else BAD_INPUT
         return Answer("bad input", code=code, diagnostics=error.diagnostics)
-    except MemoryError:
-        found = Diagnostic(
-            Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
-        )
-        return Answer("stopped", code=LIMIT, diagnostics=(found,))
     except typer.BadParameter:  # an option that does not fit what the target holds
         raise
     except OSError as error:
@@ -172,11 +169,32 @@ def _made(make: Callable[[], Answer]) -> Answer:
         found = Diagnostic(Source(str(error.filename or "a file")), "K415", message, hint)
         return Answer("bad input", code=BAD_INPUT, diagnostics=(found,))
     except Exception as error:
-        if os.environ.get("CELLWRIGHT_TRACEBACK"):
-            raise
-        if found_damage := _damage():
-            return Answer("bad input", code=BAD_INPUT, diagnostics=found_damage)
-        return Answer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
+        return _failed(error)
+
+
+def _failed(error: Exception) -> Answer:
+    """The answer of a command that has ended with an error that is none of the user's: memory, a request to end, damage, a bug."""
+    watch = current()
+    if is_short(error) or (watch and watch.short):
+        return _out_of_memory()
+    if os.environ.get("CELLWRIGHT_TRACEBACK"):
+        raise error
+    if watch and watch.is_ending():
+        return _stopped(LIMIT if watch.is_time_up() else INTERRUPTED)
+    if found_damage := _damage():
+        return Answer("bad input", code=BAD_INPUT, diagnostics=found_damage)
+    return Answer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
+
+
+def _out_of_memory() -> Answer:
+    """The answer of a command whose memory has run out. It may take more, to say so."""
+    from kb.diagnostics import Diagnostic, Source
+
+    lift_limit()
+    found = Diagnostic(
+        Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
+    )
+    return Answer("stopped", code=LIMIT, diagnostics=(found,))
 
 
 def _damage() -> "tuple[Diagnostic, ...]":
@@ -203,7 +221,8 @@ def _stopped(code: int) -> Answer:
 
 def _print_stopped(code: int, form: Form) -> None:
     answered()
-    answer = _stopped(code)
+    watch = current()
+    answer = _out_of_memory() if watch and watch.short else _stopped(code)
     if form is Form.TEXT:
         _report(answer)
     _print(answer, form)

@@ -1,12 +1,15 @@
 """All verbs as one command line, and the function that runs it until the exit code."""
 
+import sys
 from typing import Annotated
 
 import typer
 
 from engine.faces.cli.answers import open_streams
 from engine.faces.cli.ending import leave
+from engine.faces.cli.exits import LIMIT
 from engine.faces.cli.kept_methods import Methods
+from engine.faces.cli.memory import lift_limit
 from engine.faces.cli.verbs import Verbs
 from engine.faces.cli.watchdog import own_process
 
@@ -42,6 +45,13 @@ def run(methods: Methods | None = None) -> None:
     open_streams()
     try:
         app()
+    except MemoryError:  # before the work began, or while the answer was printed
+        lift_limit()
+        sys.stderr.write(
+            "memory: error K419: out of memory\n  try: raise --memory-limit, or make the problem smaller\n"
+        )
+        leave(LIMIT)
+        raise
     except SystemExit as end:
         if methods:
             methods.keep()

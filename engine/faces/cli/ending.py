@@ -1,24 +1,25 @@
 """The end of the process, without the usual clean-up: that takes longer than parsing a small task."""
 
+import atexit
 import os
 import sys
 import threading
+from contextlib import suppress
 from typing import TextIO
 
-from engine.faces.cli.watchdog import NAME
-
-ENDED_PROPERLY = ("concurrent.futures", "multiprocessing", "sqlite3", "sqlalchemy")
-"""Modules that close something at the end of the interpreter: processes, threads, databases."""
+from engine.faces.cli.watchdog import NAME, current
 
 
 def leave(code: int) -> None:
-    """Write the streams and end the process at once. Return only if something must still be closed."""
+    """Write the streams and end the process at once. Return only if threads still run."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
             abandon(stream)
-    if not _left_to_close() or _is_grounding():
+    watch = current()
+    if not _is_busy() or _is_grounding() or (watch and watch.short):
+        _close()
         os._exit(code)
 
 
@@ -33,8 +34,16 @@ def _is_grounding() -> bool:
     return bounded is not None and bool(bounded.is_left_behind())
 
 
-def _left_to_close() -> bool:
-    """Whether threads run, modules must close what they opened, or a profiler or tracer must report."""
+def _is_busy() -> bool:
+    """Whether threads run, or a profiler or tracer must report: then the interpreter ends as it does by itself."""
     watched = sys.getprofile() is not None or sys.gettrace() is not None
-    others = [each for each in threading.enumerate()[1:] if each.name != NAME]
-    return watched or bool(others) or any(name in sys.modules for name in ENDED_PROPERLY)
+    return watched or any(each.name != NAME for each in threading.enumerate()[1:])
+
+
+def _close() -> None:
+    """Close databases, end processes, delete temporary folders: all that must not be left as it is."""
+    engines = sys.modules.get("kb.store.engines")
+    with suppress(Exception):
+        if engines is not None:
+            engines.close_all()
+        atexit._run_exitfuncs()

@@ -16,12 +16,14 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 from engine.faces.cli.exits import INTERRUPTED, LIMIT
+from engine.faces.cli.memory import limit_memory, resident
 from kb.stopping import Stopped
 
 HEARING = 0.5  # seconds from Ctrl-C until a search has to have heard it
 TELLING = 0.5  # seconds that a command which was interrupted where it heard nothing may take for its answer
 BUSY = 1.5  # seconds that a busy machine may add to that
 ANSWERING = 10.0  # seconds that a search which has heard it may take for its best answer
+LOOKING = 0.01  # seconds between two looks at the memory
 MOMENT = 0.02  # seconds after which what was raised in a callback is raised again
 NAME = "watch"  # of the thread
 
@@ -29,11 +31,13 @@ NAME = "watch"  # of the thread
 class Watch:
     """What is watched: when the time is over, and whether the command has heard that it shall stop."""
 
-    def __init__(self, seconds: float | None = None) -> None:
-        self.seconds = seconds
+    def __init__(self, seconds: float | None = None, megabytes: int | None = None) -> None:
+        self.seconds, self.megabytes = seconds, megabytes
+        self.short = False  # whether the memory has run out
         self.deadline = None if seconds is None else time.monotonic() + seconds
         self.tell: Callable[[int], None] = lambda _: None
         self.heard = self.answered = self.roused = False
+        self.pressed = False  # whether Ctrl-C was, and is heard by the command
         self.asked = False  # whether the command is at work on its answer, and may be interrupted
         self.waiting = (
             False  # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
@@ -44,6 +48,15 @@ class Watch:
         """Whether the time limit has passed."""
         return self.deadline is not None and time.monotonic() >= self.deadline
 
+    def is_ending(self) -> bool:
+        """Whether the command was told to end: what fails after that fails because of it."""
+        return self.pressed or (self.roused and not self.short)
+
+    def press(self, signal_number: int, frame: FrameType | None) -> None:
+        """Ctrl-C in the main thread: it raises `KeyboardInterrupt` there."""
+        self.pressed = True
+        signal.default_int_handler(signal_number, frame)
+
     def start(self) -> None:
         """Watch from now on. Only the main thread may start it."""
         self._alarm, woken = socket.socketpair()
@@ -53,18 +66,10 @@ class Watch:
         threading.Thread(target=self._run, args=(woken,), name=NAME, daemon=True).start()
 
     def _run(self, woken: socket.socket) -> None:
-        woken.settimeout(None if self.deadline is None else max(self.deadline - time.monotonic(), 0))
-        code = INTERRUPTED
+        code, hearing = INTERRUPTED, HEARING
         try:
-            while not set(woken.recv(64)) & {signal.SIGINT, signal.SIGTERM} or self.waiting:
-                pass
-            hearing = HEARING
-        except TimeoutError:
-            if self.waiting and self.time_is_up is not None:
-                self.time_is_up()
-            while self.waiting:
-                time.sleep(0.1)
-            code, hearing = LIMIT, max(0.05 * (self.seconds or 0), 0.2)
+            if self._reason(woken) == LIMIT:
+                code, hearing = LIMIT, 0.0 if self.short else max(0.05 * (self.seconds or 0), 0.2)
         except OSError:
             return
         self._await(hearing, 0.0)
@@ -73,6 +78,31 @@ class Watch:
             self._await(TELLING if code == INTERRUPTED else 0.2, BUSY)
         if not self.answered:
             self._end(code)
+
+    def _reason(self, woken: socket.socket) -> int:
+        """Wait until the command has to end; the exit code that says why: of a limit, or of Ctrl-C."""
+        while True:
+            left = None if self.deadline is None else max(self.deadline - time.monotonic(), 0)
+            woken.settimeout(
+                left if self.megabytes is None else LOOKING if left is None else min(left, LOOKING)
+            )
+            try:
+                if set(woken.recv(64)) & {signal.SIGINT, signal.SIGTERM} and not self.waiting:
+                    return INTERRUPTED
+            except TimeoutError:
+                if self.is_time_up():
+                    self._end_waiting()
+                    return LIMIT
+            if self.megabytes is not None and resident() > self.megabytes and not self.answered:
+                self.short = True
+                return LIMIT
+
+    def _end_waiting(self) -> None:
+        """Wait until nobody is waited for any more."""
+        if self.waiting and self.time_is_up is not None:
+            self.time_is_up()
+        while self.waiting:
+            time.sleep(0.1)
 
     def _await(self, seconds: float, more: float) -> None:
         """Wait for the answer, and longer if the command has heard that it shall stop.
@@ -97,7 +127,7 @@ class Watch:
         """In the main thread: end what it does there, if it is between question and answer."""
         if self.asked and not (self.heard or self.answered or self.roused):
             self.roused = True
-            raise Stopped
+            raise MemoryError if self.short else Stopped
 
     def _end(self, code: int) -> None:
         with suppress(Exception):
@@ -121,7 +151,7 @@ def watching(seconds: float | None, megabytes: int | None) -> Iterator[None]:
     from kb import stopping
 
     limit_memory(megabytes)
-    _now = watch = Watch(seconds)
+    _now = watch = Watch(seconds, megabytes)
     if _alone:
         watch.start()
     try:
@@ -148,13 +178,3 @@ def _raise_again(lost: "sys.UnraisableHookArgs") -> None:
     which = signal.SIGALRM if isinstance(lost.exc_value, Stopped) else signal.SIGINT
     main = threading.main_thread().ident or 0
     threading.Timer(MOMENT, signal.pthread_kill, (main, which)).start()
-
-
-def limit_memory(megabytes: int | None) -> None:
-    """Limit the memory of this process and of those it starts. Beyond the limit a `MemoryError` is raised."""
-    if megabytes is not None:
-        import resource
-
-        _, most = resource.getrlimit(resource.RLIMIT_DATA)
-        wanted = min(megabytes * 2**20, sys.maxsize)
-        resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))

@@ -7,7 +7,7 @@ import signal
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, wait
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.synchronize import Event
 from typing import Any
 
@@ -24,6 +24,7 @@ FORKED = multiprocessing.get_context("forkserver")
 def loading(modules: Sequence[str]) -> None:
     """Begin to load modules that units need, while this process goes on; all processes of later pools have them at once."""
     forkserver.set_forkserver_preload([SERVER, *modules])
+    resource_tracker.ensure_running()  # its start would end the deafness of what is started after it
     with _deaf(), _apart():
         forkserver.ensure_running()
 

@@ -34,7 +34,7 @@ def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
         bound = max(lower_bound(lags), batch_bound(lags))
     except CircularLags as error:
         return Infeasible(f"there is no schedule: the windows around {error} contradict each other")
-    first = construct(lags, bound)
+    first = construct(lags, bound, limits.interrupted)
     if first is not None:
         _require_valid(shop, first)
     constructed = time.perf_counter()

@@ -7,55 +7,33 @@ schedules with the least estimate of the end: it counts the placed stages with t
 each resource still has to do.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
 
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.schedule import Adjustment, Schedule
 from engine.model.shop import Changeover, Need, Stage
-from engine.stages.scheduling.batches import Batches, batches
-from engine.stages.scheduling.bounds import Occupation, least_travel, occupations
+from engine.stages.scheduling.estimates import Estimates
 from engine.stages.scheduling.lags import Lags, first_needs
+from engine.stages.scheduling.partial import DeviceStanding, Partial
 from engine.stages.scheduling.symmetry import alike
 
 WIDTHS = (1, 6, 30, 150)  # of the beam; tried in this order until the lower bound is reached
 MOST = 8_000  # about how many partial schedules one beam may make
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceStanding:
-    """How a device stands: its setting, since when it has it, and until when some placed stage needs it."""
+def construct(lags: Lags, bound: int, interrupted: Interrupted = never) -> Schedule | None:
+    """The best of the schedules that some beams find, without further search.
 
-    setting: str
-    since: int = 0
-    until: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Partial:
-    """A schedule of some stages. `units` are the times from which each unit of a resource is free again."""
-
-    starts: Mapping[str, int]
-    units: Mapping[str, tuple[int, ...]]
-    places: Mapping[str, str]
-    devices: Mapping[str, DeviceStanding]
-    adjustments: tuple[Adjustment, ...] = ()
-    estimate: int = 0
-    tardiness: int = 0
-
-    @property
-    def score(self) -> tuple[int, int, int]:
-        """A sort key: the smaller, the better."""
-        return self.tardiness, self.estimate, sum(self.starts.values())
-
-
-def construct(lags: Lags, bound: int) -> Schedule | None:
-    """The best of the schedules that some beams find, without further search; None if all beams get stuck."""
+    None if all beams get stuck. Once it is `interrupted`, it ends soon.
+    """
     builder = Builder(lags)
     best: Schedule | None = None
     for width in WIDTHS:
         if width > 1 and width * len(lags.shop.stages) * builder.kinds > MOST:
             break
-        found = builder.beam(width)
+        found = builder.beam(width, interrupted)
         if found is None and width > 1 and best is None:
             break
         if found is not None and (best is None or _value(found) < _value(best)):
@@ -81,15 +59,18 @@ class Builder:
             self.after[earlier].append((later, lag))
         self.queue = [[job.stages[0].name for job in group] for group in alike(self.shop)]
         self.kinds = len(self.shop.jobs) - sum(len(queue) - 1 for queue in self.queue)
-        single = [resource for resource in self.shop.resources if resource.capacity == 1]
-        self.served = {resource.name: list(occupations(lags, resource)) for resource in single}
-        self.batches = batches(lags)
-        self.least = {name: least_travel(lags, served) for name, served in self.served.items()}
+        self.estimates = Estimates(lags)
 
-    def beam(self, width: int) -> Schedule | None:
-        """The best complete schedule of a beam of partial schedules; None if the beam gets stuck."""
+    def beam(self, width: int, interrupted: Interrupted = never) -> Schedule | None:
+        """The best complete schedule of a beam of partial schedules; None if the beam gets stuck.
+
+        Once it is `interrupted`, a beam of one takes what comes first, and a wider one is given up.
+        """
         kept = [self._empty()]
         for _ in self.shop.stages:
+            if interrupted():
+                kept = [child for each in kept for child in self._first_child(each)] if width == 1 else []
+                continue
             found = [child for each in kept for child in self._children(each)]
             kept = sorted(found, key=lambda each: each.score)[:width]
         return self._finish(kept[0]) if kept else None
@@ -108,18 +89,32 @@ class Builder:
 
         Giffler & Thompson 1960. Of jobs that are alike, only the first one not yet begun may begin.
         """
-        waiting = {each for queue in self.queue for each in [n for n in queue if n not in partial.starts][1:]}
         found = [
-            (child.starts[name], child.starts[name] + stage.duration, child)
-            for name, stage in self.shop.stages.items()
-            if name not in partial.starts and name not in waiting
-            if all(earlier in partial.starts or lag < 0 for earlier, lag in self.before[name])
+            (child.starts[stage.name], child.starts[stage.name] + stage.duration, child)
+            for stage in self._ready(partial)
             if (child := self._placed(partial, stage)) is not None
         ]
         soonest = min((end for _, end, _ in found), default=0)
         return [child for start, end, child in found if start < soonest or end == soonest]
 
-    def _placed(self, partial: Partial, stage: Stage) -> Partial | None:
+    def _first_child(self, partial: Partial) -> list[Partial]:
+        """The partial schedule with the first stage that can be placed; nothing if none can."""
+        ready = sorted(self._ready(partial), key=lambda stage: self.lags.heads[stage.name])
+        placed = (self._placed(partial, stage, estimated=False) for stage in ready)
+        return list(islice((child for child in placed if child is not None), 1))
+
+    def _ready(self, partial: Partial) -> Iterator[Stage]:
+        """The stages that may be placed next: what must come before them is placed."""
+        waiting = {each for queue in self.queue for each in [n for n in queue if n not in partial.starts][1:]}
+        for name, stage in self.shop.stages.items():
+            if (
+                name not in partial.starts
+                and name not in waiting
+                and all(earlier in partial.starts or lag < 0 for earlier, lag in self.before[name])
+            ):
+                yield stage
+
+    def _placed(self, partial: Partial, stage: Stage, estimated: bool = True) -> Partial | None:
         """The partial schedule with one more stage, as early as possible; None if the stage cannot come now."""
         changed = self._changed(partial, stage)
         if changed is None:
@@ -140,7 +135,7 @@ class Builder:
             places=places,
             devices=devices,
         )
-        return self._estimated(made, stage, start)
+        return self.estimates.after(made, stage, start) if estimated else made
 
     def _changed(self, partial: Partial, stage: Stage) -> Partial | None:
         """The partial schedule after a stage's device changes, in order of their begins; None if impossible."""
@@ -164,13 +159,8 @@ class Builder:
 
     def _change_start(self, partial: Partial, change: Changeover, need: Need) -> int:
         operator = self.shop.device[need.device].operator
-        free = partial.units[operator][0] + self._travel(partial, operator, change.origin)
+        free = partial.units[operator][0] + partial.travel(self.shop, operator, change.origin)
         return max(free, partial.devices[need.device].until)
-
-    def _travel(self, partial: Partial, resource: str, origin: str) -> int:
-        if resource not in partial.places:
-            return 0
-        return self.shop.resource[resource].travel.get((partial.places[resource], origin), 0)
 
     def _adjusted(self, partial: Partial, name: str, change: Changeover, start: int) -> Partial:
         operator, end = self.shop.device[name].operator, start + change.duration
@@ -193,7 +183,7 @@ class Builder:
         for name in stage.resources:
             if not partial.units[name]:
                 return None
-            times.append(partial.units[name][0] + self._travel(partial, name, stage.origin))
+            times.append(partial.units[name][0] + partial.travel(self.shop, name, stage.origin))
         for hold in self.shop.holds:
             if hold.begin and hold.begin.stage == stage.name:
                 if not partial.units[hold.resource]:
@@ -217,62 +207,6 @@ class Builder:
             if hold.end and hold.end.stage == stage.name:
                 units[hold.resource] = tuple(sorted((*units[hold.resource], start + hold.end.offset)))
         return units
-
-    def _estimated(self, partial: Partial, stage: Stage, start: int) -> Partial:
-        estimate = max(partial.estimate, start + self.lags.tails[stage.name])
-        for name, served in self.served.items():
-            estimate = max(estimate, self._remaining(partial, name, served))
-        for each in self.batches:
-            estimate = max(estimate, self._batched(partial, each))
-        job = self.shop.owners[stage.name]
-        done = all(each.name in partial.starts for each in job.stages)
-        late = 0
-        if job.due is not None and done:
-            end = max(partial.starts[each.name] + each.duration for each in job.stages)
-            late = job.priority * max(0, end - job.due)
-        return replace(partial, estimate=estimate, tardiness=partial.tardiness + late)
-
-    def _remaining(self, partial: Partial, resource: str, served: Sequence[Occupation]) -> int:
-        """When a resource can have done all its work, tail included. Work under way counts from its start."""
-        now = max(partial.units[resource], default=0)
-        waiting = [each for each in served if each.first.name not in partial.starts]
-        for each in served:
-            if each.first.name in partial.starts and each.last.name not in partial.starts:
-                now = max(now, partial.starts[each.first.name] + each.size)
-        if not waiting:
-            return now
-        least = self.least[resource]
-        now = max(now, min(self._free(partial, each.first) for each in waiting))
-        work = sum(each.size + least for each in waiting) - least
-        return now + work + min(each.tail for each in waiting)
-
-    def _batched(self, partial: Partial, served: Batches) -> int:
-        """When all batches can be done, tail included.
-
-        Objects that are inside may join a period under way.
-        """
-        pairs = zip(served.stages, served.entries, strict=True)
-        waiting = [
-            (stage, entry in partial.starts) for stage, entry in pairs if stage.name not in partial.starts
-        ]
-        standing = partial.devices[served.device]
-        joining = standing.setting == served.setting and standing.until > standing.since
-        left = [(stage, inside) for stage, inside in waiting if not (joining and inside)]
-        if not left:
-            return 0
-        tail = min(self.lags.tails[stage.name] - stage.duration for stage, _ in left)
-        now = max(standing.until, min(self.lags.heads[stage.name] for stage, _ in left))
-        come = sum(inside for _, inside in left)
-        gap = served.away + (served.entry if come == 0 else 0) if joining else 0
-        return now + gap + served.least([stage.duration for stage, _ in left], come) + tail
-
-    def _free(self, partial: Partial, stage: Stage) -> int:
-        """When a stage's resources are free and at its origin; 0 for one that is taken for an unknown time."""
-        times = [
-            partial.units[name][0] + self._travel(partial, name, stage.origin) if partial.units[name] else 0
-            for name in stage.resources
-        ]
-        return max(times, default=0)
 
     def _finish(self, partial: Partial) -> Schedule | None:
         """The whole schedule, with each device changed to its final setting; None if a device cannot be."""

@@ -32,7 +32,12 @@ def improve(
     if first is not None:
         _hint(model, periods, first)
     solver = cp_model.CpSolver()
-    status = run(solver, model.cp, limits)
+    try:
+        status = run(solver, model.cp, limits)
+    except MemoryError:  # the schedule that there is needs no more
+        if first is None:
+            raise
+        return first
     if status == cp_model.INFEASIBLE:
         return Infeasible("no schedule keeps to all windows")
     if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
@@ -43,18 +48,21 @@ def improve(
 def run(
     solver: cp_model.CpSolver, model: cp_model.CpModel, limits: ScheduleLimits
 ) -> cp_model.CpSolverStatus:
-    """Solve in a thread, so that Ctrl-C and the time limit are heard meanwhile."""
+    """Solve in a thread, so that Ctrl-C and the time limit are heard meanwhile. Raises `MemoryError`."""
     parameters = solver.parameters
     parameters.random_seed = limits.seed
     parameters.max_deterministic_time = limits.work
     parameters.num_workers = limits.workers
     parameters.interleave_search = limits.workers == 1  # several strategies in turns, counted in work
     parameters.catch_sigint_signal = False
-    status = cp_model.UNKNOWN
+    status, short = cp_model.UNKNOWN, False
 
     def solve() -> None:
-        nonlocal status
-        status = solver.solve(model)
+        nonlocal status, short
+        try:
+            status = solver.solve(model)
+        except MemoryError:
+            short = True
 
     thread = threading.Thread(target=solve)
     thread.start()
@@ -62,6 +70,8 @@ def run(
         thread.join(POLL)
         if limits.interrupted():
             solver.stop_search()
+    if short:
+        raise MemoryError
     return status
 
 

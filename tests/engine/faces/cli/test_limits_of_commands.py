@@ -17,6 +17,12 @@ ENDLESS = {
     "rules.lp": "n(1..30000*30000).\n",
     "problem.yaml": PROBLEM,
 }
+WEIGHED = """
+import resource, subprocess, sys
+ran = subprocess.run(sys.argv[1:])
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)  # kilobytes; a small process forks it, so that it is its own
+sys.exit(ran.returncode)
+"""
 COMMAND = [sys.executable, "-m", "engine.faces.cli"]
 
 
@@ -109,3 +115,48 @@ with watchdog.watching(0.1, None):
 def test_an_end_that_comes_in_a_callback_is_heard_and_prints_nothing() -> None:
     done = subprocess.run([sys.executable, "-c", IN_A_CALLBACK], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("stopped\n", "")
+
+
+@pytest.mark.parametrize("target", ["themse/four", "bulkhead/three_stations"])
+def test_the_memory_limit_is_kept_and_told(target: str, tmp_path: Path) -> None:
+    """Resident memory is what counts; linear algebra reserves more, and must not end the process by itself."""
+    words = ["motion", "play", target, "--output", str(tmp_path / "film.gltf"), "--memory-limit", "128"]
+    ran = subprocess.run(
+        [sys.executable, "-c", WEIGHED, *COMMAND, *words], capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 23, ran.stderr
+    assert "K419" in ran.stderr
+    assert "Traceback" not in ran.stderr
+    assert int(ran.stdout.split()[-1]) / 1024 < 1.2 * 128
+
+
+def test_what_fails_after_ctrl_c_fails_because_of_it() -> None:
+    """A library that is half loaded when Ctrl-C comes may raise anything."""
+    script = """
+import signal
+from engine.faces.cli.answers import Form, give
+from engine.faces.cli.watchdog import own_process, watching
+
+def work():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise ImportError("failed to import") from None
+
+own_process()
+try:
+    with watching(None, None):
+        give(work, Form.TEXT)
+except Exception as end:
+    raise SystemExit(end.exit_code)
+"""
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (ran.returncode, "interrupted" in ran.stderr) == (130, True), ran.stderr
+
+
+def test_a_command_ends_at_once_and_leaves_its_library_closed(tmp_path: Path) -> None:
+    store = tmp_path / "library.db"
+    words = ["plan", "themse/one", "--store", str(store)]
+    ran = subprocess.run([*COMMAND, *words], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    assert [each.name for each in tmp_path.iterdir()] == ["library.db"]  # no log of changes beside it

@@ -7,6 +7,9 @@ from engine.model.outcome import Infeasible
 from engine.model.schedule import Scheduled
 from engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, Window
 from engine.stages.scheduling import check_schedule, schedule
+from engine.stages.scheduling.construct import Builder
+from engine.stages.scheduling.estimates import Estimates
+from engine.stages.scheduling.lags import CircularLags, Lags
 from tests.engine.stages.scheduling.brute import best, both_ways
 
 PLACES = ("", "here", "there")
@@ -105,3 +108,22 @@ def test_schedules_with_windows_are_as_short_as_the_best_of_all(shop: Shop) -> N
 @given(shops_with_devices())
 def test_schedules_with_devices_are_as_short_as_the_best_of_all(shop: Shop) -> None:
     agrees(shop, 6)
+
+
+class Whole(Estimates):
+    """Estimates that look at all resources after each stage."""
+
+    def _concerned(self, stage: Stage) -> list[str]:
+        return list(self.served) if stage else []
+
+
+@given(st.one_of(shops_with_windows(), shops_with_devices()))
+def test_an_estimate_need_only_look_at_what_a_stage_concerns(shop: Shop) -> None:
+    lags = Lags(shop)
+    try:
+        one, other = Builder(lags), Builder(lags)
+        other.estimates = Whole(lags)
+        found = [one.beam(width) for width in (1, 6)]
+    except CircularLags:
+        return
+    assert found == [other.beam(width) for width in (1, 6)]

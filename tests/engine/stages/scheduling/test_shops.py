@@ -128,3 +128,11 @@ def test_setups_between_families_are_kept_apart_from_places() -> None:
     jobs = tuple(Job(stage.name, (stage,)) for stage in stages)
     made = solved(Shop(jobs, (Resource("m", 1, setups, "x"),), order)).schedule
     assert made.makespan == 5
+
+
+@pytest.mark.parametrize("asked", [0, 1, 7, 20])
+def test_an_interrupted_first_schedule_is_a_schedule(asked: int) -> None:
+    shop, questions = job_shop(5, 5, 1), iter(range(10**6))
+    first = construct(Lags(shop), 0, lambda: next(questions) >= asked)
+    assert first is not None
+    assert not check_schedule(shop, first)
