@@ -1,5 +1,6 @@
-"""Whether what runs now shall stop: asked by those who cannot be given the question as an argument."""
+"""Whether what runs now shall stop, and how much memory it may take: asked by those who cannot be given the question as an argument."""
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -12,6 +13,7 @@ class Stopped(BaseException):
     """
 
 
+_LEFT: ContextVar[Callable[[], float]] = ContextVar("megabytes left", default=lambda: math.inf)
 _QUESTION: ContextVar[Callable[[], bool]] = ContextVar("whether to stop", default=lambda: False)
 
 
@@ -20,11 +22,17 @@ def wanted() -> bool:
     return _QUESTION.get()()
 
 
+def megabytes_left() -> float:
+    """How much more memory may be taken."""
+    return _LEFT.get()()
+
+
 @contextmanager
-def asking(question: Callable[[], bool]) -> Iterator[None]:
-    """A context in which `question` says whether to stop."""
-    before = _QUESTION.set(question)
+def asking(question: Callable[[], bool], left: Callable[[], float] = lambda: math.inf) -> Iterator[None]:
+    """A context in which `question` says whether to stop, and `left` how many megabytes of memory may still be taken."""
+    before, room = _QUESTION.set(question), _LEFT.set(left)
     try:
         yield
     finally:
         _QUESTION.reset(before)
+        _LEFT.reset(room)

@@ -26,15 +26,20 @@ class TooLarge(Exception):
 def run_bounded(ground: Callable[[], None]) -> None:
     """Call `ground`, and raise what it raises.
 
-    Raises `TooLarge`, `MemoryError` if the operating system gives no more memory, and `kb.stopping.Stopped`.
+    Raises `TooLarge`, `MemoryError` if the operating system gives it no more memory, and `kb.stopping.Stopped`, also if whoever
+    watches the memory of the whole process has raised a `MemoryError` meanwhile.
     """
     watch = _Grounding(ground)
     watch.start()
     try:
         _wait(watch)
-    except BaseException:
+    except BaseException as error:
         if watch.is_alive():
             _left_behind.append(watch)
+        if isinstance(
+            error, MemoryError
+        ):  # not of the grounding, but of the whole command: nothing more can be tried
+            raise stopping.Stopped from None
         raise
     if watch.error is not None:
         raise MemoryError if "bad_alloc" in str(watch.error) else watch.error

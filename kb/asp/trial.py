@@ -16,7 +16,8 @@ PAUSE = 0.01  # seconds between two looks whether it has ended
 
 
 def affordable(text: str) -> bool:
-    """Whether clingo grounds `text` within `SECONDS` of processor time and `MEGABYTES` of additional memory.
+    """Whether clingo grounds `text` within `SECONDS` of processor time and `MEGABYTES` of additional memory,
+    or within what the command may still take.
 
     clingo cannot be interrupted while it grounds, so a forked child process grounds under limits of the
     operating system. A text with errors counts as affordable, because the real grounding reports the errors.
@@ -24,7 +25,7 @@ def affordable(text: str) -> bool:
     """
     child = os.fork()
     if child == 0:
-        os._exit(_grounds(text, SECONDS, MEGABYTES))
+        os._exit(_grounds(text, SECONDS, int(min(MEGABYTES, stopping.megabytes_left()))))
     try:
         return os.waitstatus_to_exitcode(_ended(child)) == 0
     except BaseException:  # the child must not go on after an interrupt

@@ -142,7 +142,7 @@ def _answered(make: Callable[[], Answer]) -> Answer:
         answer = _made(make)
         watch.answered = True
     except Stopped:
-        answer = _stopped(LIMIT if watch.is_time_up() else INTERRUPTED)
+        answer = _out_of_memory() if watch.short else _stopped(LIMIT if watch.is_time_up() else INTERRUPTED)
     except KeyboardInterrupt:
         answer = _stopped(INTERRUPTED)
     watch.answered = True

@@ -5,6 +5,7 @@ thread. When the time is over or Ctrl-C was pressed, and nobody has heard it, `S
 command can still tell what it has found. If that does not help either, the process is ended with the proper exit code.
 """
 
+import math
 import os
 import signal
 import socket
@@ -47,6 +48,10 @@ class Watch:
     def is_time_up(self) -> bool:
         """Whether the time limit has passed."""
         return self.deadline is not None and time.monotonic() >= self.deadline
+
+    def megabytes_left(self) -> float:
+        """How much more memory the command may take."""
+        return math.inf if self.megabytes is None else max(self.megabytes - resident(), 0.0)
 
     def is_ending(self) -> bool:
         """Whether the command was told to end: what fails after that fails because of it."""
@@ -155,7 +160,7 @@ def watching(seconds: float | None, megabytes: int | None) -> Iterator[None]:
     if _alone:
         watch.start()
     try:
-        with stopping.asking(watch.is_time_up):
+        with stopping.asking(watch.is_time_up, watch.megabytes_left):
             yield
     finally:
         watch.answered, _now = True, None
