@@ -27,3 +27,26 @@ cdef class Closure:
 
     @cython.locals(atom=int, place=int, rule=int)
     cdef void _spread(self, int layer, unsigned char[::1] after) noexcept
+
+@cython.final
+cdef class Upkeep:
+    cdef int depth, width, last, current
+    cdef int[::1] heads, layers, user_starts, user_items, head_starts, head_items, atom_starts, atom_items, other_items
+    cdef int[::1] recursive, dirty, watched, missing, reasons, queue
+    cdef unsigned char[::1] mask, known
+
+    @cython.locals(place=int, atom=int, layer=int)
+    cpdef void complete(self, unsigned char[::1] after) noexcept
+
+    cdef bint _holds(self, int atom) noexcept
+
+    @cython.locals(true=bint, place=int, rule=int, met=bint)
+    cdef void _flip(self, int atom) noexcept
+
+    cdef void _note(self, int atom) noexcept
+
+    @cython.locals(place=int, atom=int)
+    cdef void _settle(self, int layer) noexcept
+
+    @cython.locals(place=int, first=int, atom=int)
+    cdef void _spread(self, int layer) noexcept

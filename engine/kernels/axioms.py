@@ -106,3 +106,112 @@ class Closure:
                 self.missing[rule] -= 1
                 if self.missing[rule] == 0 and self.layers[rule] == layer:
                     self._fire(rule, after)
+
+
+class Upkeep:
+    """The derived atoms of one state after another: only what follows from changed fluents is looked at again.
+
+    Takes what `Closure` takes. The last state is kept; the next one may be any. In a layer without recursion an atom is true while
+    some rule misses nothing; a layer with recursion is computed anew where one of its rules begins or ceases to hold.
+    """
+
+    def __init__(
+        self,
+        size: int,
+        heads: Sequence[int],
+        bodies: Sequence[Sequence[int]],
+        layers: Sequence[int],
+        negated: Sequence[Sequence[tuple[int, int]]],
+        derived: Sequence[int],
+    ) -> None:
+        closure = Closure(size, heads, bodies, layers, negated, derived)
+        self.depth, self.width = len(negated), (size + 7) // 8
+        self.heads, self.layers = array("i", heads), array("i", layers)
+        users: list[list[int]] = [[] for _ in range(size)]
+        own: list[dict[int, None]] = [{} for _ in negated]
+        for rule, body in enumerate(bodies):
+            own[layers[rule]][heads[rule]] = None
+            for atom in body:
+                users[atom].append(rule)
+        self.user_starts, self.user_items = rows(users)
+        self.head_starts, self.head_items = rows([list(each) for each in own])
+        self.atom_starts, self.atom_items = rows([[atom for atom, _ in pairs] for pairs in negated])
+        _, self.other_items = rows([[other for _, other in pairs] for pairs in negated])
+        recursive = {
+            layer for layer, body in zip(layers, bodies, strict=True) if any(a in own[layer] for a in body)
+        }
+        self.recursive = array("i", [layer in recursive for layer in range(self.depth)])
+        self.dirty = array("i", bytes(4 * self.depth))
+        hidden = set(derived)
+        self.watched = array("i", [atom for atom in range(size) if users[atom] and atom not in hidden])
+        self.mask = bytearray(self.width)
+        for atom in derived:
+            self.mask[atom >> 3] |= 1 << (atom & 7)
+        self.known = bytearray(closure.close(bytes(self.width)))
+        true = [self.known[atom >> 3] >> (atom & 7) & 1 for atom in range(size)]
+        self.missing = array("i", [sum(not true[atom] for atom in body) for body in bodies])
+        self.reasons = array("i", bytes(4 * size))
+        for rule, head in enumerate(heads):
+            self.reasons[head] += self.missing[rule] == 0
+        self.queue, self.last, self.current = array("i", bytes(4 * (size + len(heads) + 1))), 0, -1
+
+    def complete(self, after: bytearray) -> None:
+        """Gives a state exactly those derived atoms that follow from its fluents."""
+        for place in range(len(self.watched)):
+            atom = self.watched[place]
+            if (after[atom >> 3] ^ self.known[atom >> 3]) >> (atom & 7) & 1:
+                self._flip(atom)
+        for layer in range(self.depth):
+            if self.dirty[layer]:
+                self._settle(layer)
+        for place in range(self.width):
+            after[place] = after[place] & (255 ^ self.mask[place]) | self.known[place] & self.mask[place]
+
+    def _holds(self, atom: int) -> bool:
+        return (self.known[atom >> 3] >> (atom & 7) & 1) != 0
+
+    def _flip(self, atom: int) -> None:
+        """Makes an atom true that was false, or the reverse, and counts what its rules miss."""
+        self.known[atom >> 3] ^= 1 << (atom & 7)
+        true = self._holds(atom)
+        for place in range(self.user_starts[atom], self.user_starts[atom + 1]):
+            rule = self.user_items[place]
+            met = self.missing[rule] == 0
+            self.missing[rule] += -1 if true else 1
+            if met != (self.missing[rule] == 0):
+                self.reasons[self.heads[rule]] += -1 if met else 1
+                self.dirty[self.layers[rule]] = 1
+                if not met and self.layers[rule] == self.current:
+                    self._note(self.heads[rule])
+
+    def _note(self, atom: int) -> None:
+        """Puts an atom that has become true in the queue."""
+        self.queue[self.last] = atom
+        self.last += 1
+
+    def _settle(self, layer: int) -> None:
+        """Makes the atoms of a layer true or false, then the complementary ones."""
+        for place in range(self.head_starts[layer], self.head_starts[layer + 1]):
+            atom = self.head_items[place]
+            if self._holds(atom) if self.recursive[layer] else self._holds(atom) != (self.reasons[atom] > 0):
+                self._flip(atom)
+        if self.recursive[layer]:
+            self._spread(layer)
+        self.dirty[layer] = 0
+        for place in range(self.atom_starts[layer], self.atom_starts[layer + 1]):
+            if self._holds(self.atom_items[place]) == self._holds(self.other_items[place]):
+                self._flip(self.other_items[place])
+
+    def _spread(self, layer: int) -> None:
+        """The least fixpoint of a layer whose atoms are all false."""
+        self.last, self.current = 0, layer
+        for place in range(self.head_starts[layer], self.head_starts[layer + 1]):
+            if self.reasons[self.head_items[place]] > 0:
+                self._note(self.head_items[place])
+        first = 0
+        while first < self.last:
+            atom = self.queue[first]
+            first += 1
+            if not self._holds(atom):
+                self._flip(atom)
+        self.current = -1

@@ -8,11 +8,16 @@ from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
-from engine.kernels.axioms import Closure
+from engine.kernels.axioms import Closure, Upkeep
 from engine.kernels.bits import Bits, bitset, indices
 from engine.kernels.sums import Comparisons
 from engine.model.quantities import RELATIONS, Assignment, Comparing, Met, helps, values_of
+
+Compiled: TypeAlias = tuple[
+    int, list[int], list[list[int]], list[int], list[list[tuple[int, int]]], list[int]
+]  # what the kernels take
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,13 @@ class Axioms:
     @cached_property
     def closure(self) -> Closure:
         """The rules as a compiled kernel."""
+        return Closure(*self._compiled())
+
+    def upkeep(self) -> Upkeep:
+        """The rules as a compiled kernel that keeps the last state it was asked about."""
+        return Upkeep(*self._compiled())
+
+    def _compiled(self) -> Compiled:
         negated: list[list[tuple[int, int]]] = [[] for _ in range(1 + max(self.layers.values(), default=0))]
         for atom, layer in self.layers.items():
             if atom in self.complements:
@@ -97,7 +109,7 @@ class Axioms:
         heads = [rule.head for rule in self.rules]
         bodies = [indices(rule.body) for rule in self.rules]
         layers = [self.layers[head] for head in heads]
-        return Closure(self.size, heads, bodies, layers, negated, indices(self._ruled))
+        return self.size, heads, bodies, layers, negated, indices(self._ruled)
 
     @cached_property
     def comparisons(self) -> Comparisons:

@@ -15,6 +15,7 @@ from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
 from engine.model.task import Task
 from engine.stages.planning.limits import Limits
 from kb.model.plan import Plan
+from kb.stopping import Stopped
 
 RUNNERS = ("auto", "asp", "landmarks", "forward", "backward")
 PAUSE = 0.1  # seconds between two checks whether to stop
@@ -116,7 +117,7 @@ def _lanes(task: Task, limits: Limits, plan: Planner) -> Iterator[_Lanes]:
 def _run(answer: Connection, plan: Planner, task: Task, limits: Limits) -> None:
     try:
         answer.send(plan(task, limits))
-    except MemoryError:
+    except (MemoryError, Stopped):  # the others go on
         pass
     finally:
         answer.close()

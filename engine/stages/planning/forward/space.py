@@ -42,7 +42,7 @@ class Space:
             Rows([indices(each.cancels) for each in flat]),
             _packed(changes, axioms),
             self._axioms.comparisons if self._axioms else None,
-            axioms.closure if axioms is not None and axioms.rules else None,
+            axioms.upkeep() if axioms is not None and axioms.rules else None,
             closes,
         )
 

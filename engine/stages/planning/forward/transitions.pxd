@@ -1,7 +1,7 @@
 # The types with which Cython compiles transitions.py. That file says what they mean.
 import cython
 
-from engine.kernels.axioms cimport Closure
+from engine.kernels.axioms cimport Upkeep
 from engine.kernels.sums cimport Comparisons, Repetitions
 from engine.stages.planning.forward.kernels cimport Rows
 
@@ -21,7 +21,7 @@ cdef class Transitions:
     cdef Rows needs, of, conditions, adds, deletes, cancels
     cdef Changes changes
     cdef Comparisons comparisons
-    cdef Closure closure
+    cdef Upkeep upkeep
 
     @cython.locals(row="unsigned char[::1]")
     cpdef bytes after(self, bytes state, int operator, long long times)

@@ -9,7 +9,7 @@ i // 8), then the values of quantities with 8 bytes each. Derived atoms are amon
 from array import array
 from collections.abc import Sequence
 
-from engine.kernels.axioms import Closure
+from engine.kernels.axioms import Upkeep
 from engine.kernels.sums import Comparisons, Repetitions
 from engine.stages.planning.forward.kernels import Rows, ints, longs
 
@@ -58,13 +58,13 @@ class Transitions:
         cancels: Rows,
         changes: Changes,
         comparisons: Comparisons | None,
-        closure: Closure | None,
+        upkeep: Upkeep | None,
         closes: Sequence[bool],
     ) -> None:
         self.width, self.closes = width, array("i", closes)
         self.needs, self.of, self.conditions = needs, of, conditions
         self.adds, self.deletes, self.cancels, self.changes = adds, deletes, cancels, changes
-        self.comparisons, self.closure = comparisons, closure
+        self.comparisons, self.upkeep = comparisons, upkeep
         self.stamps, self.turn = ints(8 * width), 0
         self.done = 0
 
@@ -81,8 +81,8 @@ class Transitions:
             self._apply(operator, before, row)
             if not self._change(operator, before, found):
                 return b""
-            if self.closure is not None and self.closes[operator]:
-                self.closure.complete(row)
+            if self.upkeep is not None and self.closes[operator]:
+                self.upkeep.complete(row)
             self.done += 1
         return bytes(found)
 
