@@ -44,9 +44,9 @@ MODULES: dict[
         (
             *(
                 f"{VALIDATION}/test_{name}.py"
-                for name in ("rules", "false_claims", "chains", "semantics", "datalog")
+                for name in ("rules", "false_claims", "chains", "semantics", "datalog", "precedence")
             ),
-            "tests/properties/test_checker.py",
+            *(f"tests/properties/test_{name}.py" for name in ("checker", "aggregates", "axioms")),
         ),
     ),
     "deordering": (

@@ -28,9 +28,9 @@ def megabytes_left() -> float:
 
 
 @contextmanager
-def asking(question: Callable[[], bool], left: Callable[[], float] = lambda: math.inf) -> Iterator[None]:
-    """A context in which `question` says whether to stop, and `left` how many megabytes of memory may still be taken."""
-    before, room = _QUESTION.set(question), _LEFT.set(left)
+def asking(question: Callable[[], bool], left: Callable[[], float] | None = None) -> Iterator[None]:
+    """A context in which `question` says whether to stop, and `left`, if given, how many megabytes of memory may still be taken."""
+    before, room = _QUESTION.set(question), _LEFT.set(left or _LEFT.get())
     try:
         yield
     finally:
