@@ -10,8 +10,7 @@ from kb.asp import AspError, Grounder
 
 SECONDS = 10
 MEGABYTES = 2000
-
-
+PAGE = resource.getpagesize()  # bytes
 PAUSE = 0.01  # seconds between two looks whether it has ended
 
 
@@ -23,26 +22,34 @@ def affordable(text: str) -> bool:
     operating system. A text with errors counts as affordable, because the real grounding reports the errors.
     Raises `kb.stopping.Stopped`.
     """
+    megabytes = int(min(MEGABYTES, stopping.megabytes_left()))
     child = os.fork()
     if child == 0:
-        os._exit(_grounds(text, SECONDS, int(min(MEGABYTES, stopping.megabytes_left()))))
+        os._exit(_grounds(text, SECONDS, megabytes))
     try:
-        return os.waitstatus_to_exitcode(_ended(child)) == 0
+        return os.waitstatus_to_exitcode(_ended(child, _pages("self") + megabytes * 2**20 // PAGE)) == 0
     except BaseException:  # the child must not go on after an interrupt
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         raise
 
 
-def _ended(child: int) -> int:
-    """The status of a child process, once it has ended."""
+def _ended(child: int, most: int) -> int:
+    """The status of a child process, once it has ended. It is killed when it has more than so many pages in memory."""
     while True:
         found, status = os.waitpid(child, os.WNOHANG)
         if found:
             return status
         if stopping.wanted():
             raise stopping.Stopped
+        if _pages(str(child)) > most:
+            os.kill(child, signal.SIGKILL)
         time.sleep(PAUSE)
+
+
+def _pages(process: str) -> int:
+    """How many pages of a process are in memory; 0 if the system does not report them."""
+    return _numbers(process)[1]
 
 
 def _grounds(text: str, seconds: int, megabytes: int) -> int:
@@ -67,8 +74,13 @@ def _grounds(text: str, seconds: int, megabytes: int) -> int:
 
 def _address_space() -> int:
     """Bytes of address space in use; 0 if the system does not report them."""
+    return _numbers("self")[0] * PAGE
+
+
+def _numbers(process: str) -> list[int]:
+    """Pages of a process: in its address space, in memory, and others."""
     try:
-        with open("/proc/self/statm", encoding="ascii") as file:
-            return int(file.read().split()[0]) * resource.getpagesize()
+        with open(f"/proc/{process}/statm", encoding="ascii") as file:
+            return [int(each) for each in file.read().split()]
     except OSError:
-        return 0
+        return [0, 0]
