@@ -73,6 +73,8 @@ def _spoil_rows(target: str, chance: random.Random) -> Callable[[], None]:
     with transaction(engine, target, writes=True) as connection:
         before = connection.execute(select(key, column)).all()
         new = chance.choice(TEXTS) if column.type.python_type is str else chance.choice((-1.0, 1e300, 0.0))
+        if isinstance(new, str):
+            new = new[: getattr(column.type, "length", None)]  # PostgreSQL takes no longer one
         if before and column is not key and not column.primary_key:
             row = chance.choice(before)[0]
             connection.execute(update(table).where(key == row).values({column.name: new}))
@@ -86,19 +88,19 @@ def _spoil_rows(target: str, chance: random.Random) -> Callable[[], None]:
     return undo
 
 
-def read_everything(target: str) -> Iterator[tuple[str, Callable[[], object]]]:
-    """All that reads a library, by name."""
+def read_everything(target: str, domain: str = "cell") -> Iterator[tuple[str, Callable[[], object]]]:
+    """All that reads a library, by name; where a domain is asked for, with this one."""
     yield "check", lambda: checked(target)
     yield "MACROPs", lambda: _with(Library, target, lambda found: list(found.all()))
-    yield "outlines", lambda: _with(Library, target, lambda found: list(found.outlines("cell")))
+    yield "outlines", lambda: _with(Library, target, lambda found: list(found.outlines(domain)))
     yield "figures", lambda: _with(Library, target, lambda found: found.figures())
     yield (
         "outdated",
-        lambda: _with(Library, target, lambda found: found.outdated("cell", lambda _: "new")),
+        lambda: _with(Library, target, lambda found: found.outdated(domain, lambda _: "new")),
     )
-    yield "cases", lambda: _with(Cases, target, lambda found: found.history("cell"))
-    yield "sequences", lambda: _with(Sequences, target, _sequences(target))
-    yield "poses", lambda: _with(PoseStore, target, lambda found: found.of("cell", "shared"))
+    yield "cases", lambda: _with(Cases, target, lambda found: found.history(domain))
+    yield "sequences", lambda: _with(Sequences, target, _sequences(target, domain))
+    yield "poses", lambda: _with(PoseStore, target, lambda found: found.of(domain, "shared"))
     yield (
         "journal",
         lambda: _with(Journal, target, lambda found: [list(found.lines(each.run)) for each in found.begun()]),
@@ -108,10 +110,10 @@ def read_everything(target: str) -> Iterator[tuple[str, Callable[[], object]]]:
         yield "backup", lambda: (backup.unlink(missing_ok=True), back_up(target, backup))
 
 
-def _sequences(target: str) -> Callable[[Sequences], object]:
+def _sequences(target: str, domain: str) -> Callable[[Sequences], object]:
     def read(found: Sequences) -> object:
-        names = _with(Cases, target, lambda cases: [each.exception for each in cases.history("cell")])
-        return [found.of("cell", name) for name in names]  # type: ignore[attr-defined]
+        names = _with(Cases, target, lambda cases: [each.exception for each in cases.history(domain)])
+        return [found.of(domain, name) for name in names]  # type: ignore[attr-defined]
 
     return read
 

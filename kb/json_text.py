@@ -8,11 +8,13 @@ HALF = re.compile(r"\\u[dD][89a-fA-F]")  # perhaps half of a pair of surrogates,
 
 
 def parsed(text: str | bytes) -> Any:
-    """What a JSON text says. Raises `ValueError`, also where it is nested too deeply, or a character is not whole."""
+    """What a JSON text says. Raises `ValueError`, also where it is nested too deeply, a character is not whole, or it is no text."""
     try:
         found = json.loads(text)
         if HALF.search(text if isinstance(text, str) else text.decode("utf-8", "replace")):
             json.dumps(found, ensure_ascii=False).encode("utf-8")
     except RecursionError:
         raise ValueError("nested too deeply") from None
+    except TypeError:
+        raise ValueError("not a text") from None
     return found

@@ -182,7 +182,7 @@ class Library(Database):
 
     def _parsed(self, number: int, text: str, digest: str) -> Macrop:
         try:
-            if fingerprint(text) != digest:
+            if not isinstance(text, str) or fingerprint(text) != digest:
                 raise NotationError("it does not fit its fingerprint")
             return loads(text)
         except NotationError as error:

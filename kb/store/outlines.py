@@ -4,6 +4,7 @@ Data that many MACROPs of a domain share (what they depend on, the conditions of
 a number.
 """
 
+import contextlib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from sqlalchemy import Connection, select
 from sqlalchemy.dialects import postgresql, sqlite
 
+from kb.diagnostics import InvalidInput
 from kb.json_text import parsed
 from kb.store.engines import refusal
 from kb.store.notation import Requirement
@@ -73,16 +75,18 @@ class SharedTexts:
         own = (outlines.c.cost, outlines.c.depends, outlines.c.requirements)
         asked = select(*columns, *own, *figures).join_from(macrops, outlines).outerjoin(usage)
         rows: list[tuple[Any, ...]] = [*connection.execute(asked.where(where).order_by(macrops.c.id))]  # type: ignore[arg-type]
-        self._meet(connection, rows)
-        return [self._outline(*row) for row in rows]
+        with _damage_told():
+            self._meet(connection, rows)
+            return [self._outline(*row) for row in rows]
 
     def depends(self, connection: Connection, numbers: Iterable[int]) -> dict[int, Mapping[str, str]]:
         """The parts that the proofs with these numbers depend on."""
         wanted = set(numbers)
-        self._read(connection, wanted - self._depends.keys())
-        for number in wanted - self._depends.keys():
-            self._depends[number] = _parts(self._texts[number])
-        return {number: self._depends[number] for number in wanted}
+        with _damage_told():
+            self._read(connection, wanted - self._depends.keys())
+            for number in wanted - self._depends.keys():
+                self._depends[number] = _parts(self._texts[number])
+            return {number: self._depends[number] for number in wanted}
 
     def _meet(self, connection: Connection, rows: Collection[tuple[Any, ...]]) -> None:
         """Read the shared texts in the rows that were not read before."""
@@ -118,15 +122,27 @@ class SharedTexts:
 
 
 def _parts(text: str) -> Mapping[str, str]:
-    """The parts in a shared text, with their digests. Raises `InvalidInput`."""
-    try:
-        found = parsed(text)
-    except ValueError:
-        found = None
+    """The parts in a shared text, with their digests. Raises `ValueError`."""
+    found = parsed(text)
     if not isinstance(found, dict):
-        said = f"what a MACROP depends on cannot be read: {text[:40]}"
-        raise refusal("the library", said, "`cellwright store check` says more", "K422")
+        raise ValueError(f"this is not what a MACROP depends on: {text[:40]}")
     return found
+
+
+@contextlib.contextmanager
+def _damage_told() -> Iterator[None]:
+    """Turn what goes wrong with damaged rows into one refusal: a number that is none, a text of this number that is missing."""
+    try:
+        yield
+    except KeyError as error:
+        raise _damaged(f"nothing is stored under {error}") from error
+    except (ValueError, TypeError, AttributeError) as error:
+        raise _damaged(str(error)) from error
+
+
+def _damaged(why: str) -> InvalidInput:
+    said = f"the outline of a MACROP cannot be read: {why[:120]}"
+    return refusal("the library", said, "`cellwright store check` says more", "K422")
 
 
 def words_of(requirements: Iterable[Requirement], numbers: Mapping[str, int]) -> str:

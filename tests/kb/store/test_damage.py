@@ -1,16 +1,20 @@
 """Whatever happens to the file of a library, each command that uses it answers, and never with a bug."""
 
+import contextlib
 import json
 import random
 import shutil
+import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.stores_damage import spoil
+from benchmarks.stores_damage import read_everything, spoil
 from engine.faces.cli import app
+from kb.diagnostics import InvalidInput
+from kb.store.checking import tables
 
 COMMANDS = [
     ["macros", "list"],
@@ -81,6 +85,32 @@ def bugs(sound: Path, folder: Path, seeds: range) -> Iterator[str]:
             yield f"{seed} {command} {told.exit_code}: {told.stdout[-300:]} {told.exception!r}"
         if told.exit_code == 2 and not said["diagnostics"]:
             yield f"{seed} {command}: no diagnostic"
+
+
+def _misread(target: Path) -> Iterator[str]:
+    for name, read in read_everything(str(target), "bulkhead"):
+        try:
+            read()
+        except InvalidInput as error:
+            if not error.diagnostics:
+                yield f"{name}: no diagnostic"
+        except Exception as error:
+            yield f"{name}: {type(error).__name__}: {error}"
+
+
+@pytest.mark.slow
+def test_a_value_of_another_type_in_any_column_is_read_or_refused(sound: Path, tmp_path: Path) -> None:
+    """SQLite keeps any value in any column: what reads a library from Python meets them all, and knows none as a bug."""
+    wrong = []
+    file = Path(shutil.copy(sound, tmp_path / "library.db"))
+    for table, column in [(each.name, own.name) for each in tables() for own in each.columns]:
+        for value in (7, 1.5, "x", "[3]", b"\xff"):
+            shutil.copy(sound, file)
+            with contextlib.closing(sqlite3.connect(file)) as raw, contextlib.suppress(sqlite3.IntegrityError):
+                raw.execute(f"UPDATE {table} SET {column} = ?", (value,))
+                raw.commit()
+            wrong += [f"{table}.{column} = {value!r}: {each}" for each in _misread(file)]
+    assert wrong == []
 
 
 @pytest.mark.slow
