@@ -121,9 +121,10 @@ def remnants(session: int) -> str:
 
 
 def _text(said: Path) -> str:
-    """What should never be printed. A traceback without a file of this project is Python's own: it had not begun with ours."""
+    """What should never be printed. A traceback of Python's own start, before any file of this project, is not meant."""
     found = said.read_text("utf-8", "replace")
-    ours = any(f"{folder}{os.sep}" in found for folder in ("engine", "kb", "site-packages"))
+    begun = "Failed to import the site module" not in found
+    ours = begun and any(f"{folder}{os.sep}" in found for folder in ("engine", "kb", "site-packages"))
     return (
         "traceback"
         if "Traceback" in found and ours
