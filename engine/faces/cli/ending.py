@@ -7,18 +7,22 @@ import threading
 from contextlib import suppress
 from typing import TextIO
 
-from engine.faces.cli.watchdog import NAME, current
+from engine.faces.cli.exits import INTERRUPTED, LIMIT
+from engine.faces.cli.watchdog import NAME
 
 
 def leave(code: int) -> None:
-    """Write the streams and end the process at once. Return only if threads still run."""
+    """Write the streams and end the process at once. Return only if threads still run that nobody gave up.
+
+    What a limit or Ctrl-C ended may have left a solver at work: its threads are not waited for. The usual end would even abort
+    the process if it came upon them.
+    """
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
             abandon(stream)
-    watch = current()
-    if not _is_busy() or _is_grounding() or (watch and watch.short):
+    if not _is_busy() or _is_grounding() or code in (LIMIT, INTERRUPTED):
         _close()
         os._exit(code)
 

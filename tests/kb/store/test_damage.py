@@ -106,7 +106,10 @@ def test_a_value_of_another_type_in_any_column_is_read_or_refused(sound: Path, t
     for table, column in [(each.name, own.name) for each in tables() for own in each.columns]:
         for value in (7, 1.5, "x", "[3]", b"\xff"):
             shutil.copy(sound, file)
-            with contextlib.closing(sqlite3.connect(file)) as raw, contextlib.suppress(sqlite3.IntegrityError):
+            with (
+                contextlib.closing(sqlite3.connect(file)) as raw,
+                contextlib.suppress(sqlite3.IntegrityError),
+            ):
                 raw.execute(f"UPDATE {table} SET {column} = ?", (value,))
                 raw.commit()
             wrong += [f"{table}.{column} = {value!r}: {each}" for each in _misread(file)]

@@ -164,3 +164,18 @@ def test_a_command_ends_at_once_and_leaves_its_library_closed(tmp_path: Path) ->
     ran = subprocess.run([*COMMAND, *words], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
     assert [each.name for each in tmp_path.iterdir()] == ["library.db"]  # no log of changes beside it
+
+
+LEFT_AT_WORK = """
+import sys, threading, time
+from engine.faces.cli.ending import leave
+threading.Thread(target=time.sleep, args=(1.5,)).start()
+leave(int(sys.argv[1]))
+print("it waits")
+"""
+
+
+@pytest.mark.parametrize(("code", "said"), [(0, "it waits\n"), (23, ""), (130, "")])
+def test_what_a_limit_ended_does_not_wait_for_the_threads_of_a_solver(code: int, said: str) -> None:
+    told = subprocess.run([sys.executable, "-c", LEFT_AT_WORK, str(code)], capture_output=True, text=True)
+    assert (told.returncode, told.stdout, told.stderr) == (code, said, "")
