@@ -69,7 +69,7 @@ MODULES: dict[
             ),
             *(
                 f"{DIAGNOSIS}/test_{name}.py"
-                for name in ("arrays", "searches", "trees", "session", "selection")
+                for name in ("arrays", "later_advice", "searches", "trees", "session", "selection")
             ),
         ),
     ),
