@@ -17,14 +17,19 @@ def leave(code: int) -> None:
     What a limit or Ctrl-C ended may have left a solver at work: its threads are not waited for. The usual end would even abort
     the process if it came upon them.
     """
+    _flush()
+    if not _is_busy() or _is_grounding() or code in (LIMIT, INTERRUPTED):
+        _close()
+        _flush()
+        os._exit(code)
+
+
+def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
             abandon(stream)
-    if not _is_busy() or _is_grounding() or code in (LIMIT, INTERRUPTED):
-        _close()
-        os._exit(code)
 
 
 def abandon(stream: TextIO) -> None:
