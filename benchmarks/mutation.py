@@ -1,10 +1,11 @@
 """Mutation run: how many small faults, put into the modules that judge, do their tests notice?
 
-    python benchmarks/mutation.py --mutators PYTHON [--seed N] [--count N] [--only TEXT] [--json FILE]
+    python benchmarks/mutation.py --mutators PYTHON [--seed N] [--count N] [--only TEXT] [--json FILE] [--again FILE]
 
 PYTHON has cosmic-ray, which the product does not use; it makes the mutants (`mutants.py`). Each mutant runs the tests of
 its module alone, on a copy of the tree. One process for each file has imported what does not depend on that file, and
-forks for each mutant, so that a run costs its tests and little more. Exits with 1 below 85 %.
+forks for each mutant, so that a run costs its tests and little more. Laws try all of their examples. With --again only those
+mutants run that survived, or were not tried, by the JSON of an earlier run. Exits with 1 below 85 %.
 """
 
 import argparse
@@ -24,6 +25,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mutation_modules import MODULES
+
 if TYPE_CHECKING:
     import grimp
 
@@ -32,59 +35,6 @@ PASS = 0.85
 MEMORY = 12 << 30  # bytes of address space for one run
 UNLIMITED = 3600  # seconds
 SAID = "said.txt"  # what the last run printed
-
-VALIDATION = "tests/engine/stages/validation"
-DIAGNOSIS = "tests/engine/stages/diagnosis"
-MACROS = "tests/engine/stages/macros"
-MODULES: dict[
-    str, tuple[tuple[str, ...], tuple[str, ...]]
-] = {  # files, tests from the quickest to the slowest
-    "checker": (
-        ("engine/stages/validation/*.py",),
-        (
-            *(
-                f"{VALIDATION}/test_{name}.py"
-                for name in ("rules", "false_claims", "chains", "semantics", "datalog", "precedence")
-            ),
-            *(f"tests/properties/test_{name}.py" for name in ("checker", "aggregates", "axioms")),
-        ),
-    ),
-    "deordering": (
-        ("engine/stages/planning/improvement/deorder.py",),
-        ("tests/engine/stages/planning/test_deorder.py",),
-    ),
-    "schedule checker": (
-        ("engine/stages/scheduling/checker.py",),
-        (
-            "tests/engine/stages/scheduling/test_checker.py",
-            "tests/engine/stages/scheduling/test_checker_rules.py",
-        ),
-    ),
-    "diagnosis": (
-        ("engine/stages/diagnosis/*.py",),
-        (
-            *(
-                f"{DIAGNOSIS}/test_{name}.py"
-                for name in ("revision", "conversations", "knowledge", "circuits")
-            ),
-            *(
-                f"{DIAGNOSIS}/test_{name}.py"
-                for name in ("arrays", "later_advice", "searches", "trees", "session", "selection")
-            ),
-        ),
-    ),
-    "MACROP proof": (
-        ("engine/stages/macros/learning/proof.py", "engine/stages/macros/learning/safety.py"),
-        (f"{MACROS}/test_figure_4.py", f"{MACROS}/test_proof.py", f"{MACROS}/test_generalise.py"),
-    ),
-    "checks of the knowledge base": (
-        ("kb/check/*.py",),
-        tuple(
-            f"tests/kb/check/test_{name}.py"
-            for name in ("fault_bases", "near_misses", "oversights", "domain_checks", "alike", "whole_domain")
-        ),
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -110,6 +60,7 @@ def main() -> None:
     }
     made = [given.mutators, "benchmarks/mutants.py", f"--seed={given.seed}", f"--count={given.count}", *files]
     mutants = json.loads(subprocess.run(made, cwd=TOP, check=True, capture_output=True).stdout)
+    known = _noticed(given.again)
     verdicts: list[Verdict] = []
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
@@ -118,7 +69,9 @@ def main() -> None:
             if given.only not in module:
                 continue
             own = [each for each in mutants if each["file"] == file]
-            found = _tried(copy, file, module, own) if own else []
+            before = [known[key] for each in own if (key := _key(each)) in known]
+            new = [each for each in own if _key(each) not in known]
+            found = [*before, *(_tried(copy, file, module, new) if new else [])]
             verdicts += found
             print(f"{file}: {_said(found)}", flush=True)
             _keep(given.json, given.seed, verdicts)
@@ -135,7 +88,19 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=600)
     parser.add_argument("--only", default="")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--again", type=Path)
     return parser.parse_args()
+
+
+def _noticed(file: Path | None) -> dict[tuple[str, str], Verdict]:
+    """The mutants that an earlier run noticed, by file and difference."""
+    told = json.loads(file.read_text())["mutants"] if file else []
+    return {(each["file"], each["diff"]): Verdict(**each) for each in told if each["became"] != "survived"}
+
+
+def _key(mutant: dict[str, str]) -> tuple[str, str]:
+    original = (TOP / mutant["file"]).read_text()
+    return mutant["file"], "".join(_difference(original, mutant["text"]))
 
 
 def _copied(copy: Path) -> None:
@@ -263,6 +228,10 @@ def _become_a_run(tests: Sequence[str], limit: int) -> None:
 
     settings.register_profile("mutation", database=None, phases=(Phase.explicit, Phase.generate))
     plain = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "--hypothesis-profile=mutation"]
+    plain += [
+        "-m",
+        "not (slow or long)",
+    ]  # unlike the quick suite, which lets laws try a share of their examples
     plain += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # of what was imported before the fork
     os._exit(int(pytest.main([*plain, *tests])))
 

@@ -1,0 +1,74 @@
+"""The checker's facts against a plain set of them, for small predicates and for large ones, which have indexes."""
+
+import itertools
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.stages.validation.datalog import solve
+from engine.stages.validation.facts import MANY, Facts
+from kb.model.conditions import Literal
+from kb.terms import Atom, Function, Variable, match
+
+X, Y = Variable("X"), Variable("Y")
+THINGS = tuple(Function(f"t{number}") for number in range(9))
+PAIRS = tuple(Function("r", pair) for pair in itertools.product(THINGS, repeat=2))
+PATTERNS = (
+    Function("r", (X, Y)),
+    Function("r", (X, X)),
+    Function("r", (THINGS[0], Y)),
+    Function("r", (X, THINGS[1])),
+    Function("r", (THINGS[2], THINGS[3])),
+)
+atoms = st.sets(st.sampled_from(PAIRS), max_size=4 * MANY)
+
+
+def looked_up(facts: Facts, pattern: Atom) -> set[Atom]:
+    return {each for each in facts.matching(pattern) if match(pattern, each, {}) is not None}
+
+
+def plain(told: set[Atom], pattern: Atom) -> set[Atom]:
+    return {each for each in told if match(pattern, each, {}) is not None}
+
+
+@given(atoms, atoms, atoms, atoms)
+@settings(max_examples=100, deadline=None)
+def test_atoms_are_found_by_pattern_before_and_after_changes(
+    below: set[Atom], above: set[Atom], ends: set[Atom], adds: set[Atom]
+) -> None:
+    layer = Facts(below)
+    facts = Facts(above - below, layer)
+    for pattern in PATTERNS:
+        assert looked_up(facts, pattern) == plain(above | below, pattern)
+    later = facts.after(ends, adds - below)
+    for pattern in PATTERNS:
+        assert looked_up(later, pattern) == plain(((above - below) - ends) | adds - below | below, pattern)
+        assert looked_up(facts, pattern) == plain(above | below, pattern)
+
+
+@given(atoms, st.lists(st.sampled_from(PAIRS), max_size=10))
+@settings(max_examples=100, deadline=None)
+def test_what_is_added_later_is_found_too(told: set[Atom], more: list[Atom]) -> None:
+    facts = Facts(told)
+    for atom in more:
+        looked_up(facts, PATTERNS[2])
+        assert facts.add(atom) == (atom not in told)
+        told = told | {atom}
+        for pattern in PATTERNS:
+            assert looked_up(facts, pattern) == plain(told, pattern)
+
+
+def test_of_a_large_predicate_only_those_that_share_an_argument_are_looked_at() -> None:
+    facts = Facts(PAIRS)
+    assert len(PAIRS) > MANY
+    assert sorted(map(str, facts.matching(PATTERNS[2]))) == sorted(f"r(t0, {each})" for each in THINGS)
+    assert len(list(facts.matching(PATTERNS[0]))) == len(PAIRS)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_denied_of_any_value_is_false_of_all(seed: int) -> None:
+    told = random.Random(seed).sample(PAIRS, 12)
+    found = list(solve((Literal(Function("r", (X, Variable("_"))), False),), Facts(told), {X: THINGS[0]}))
+    assert bool(found) == all(each.arguments[0] != THINGS[0] for each in told)
