@@ -6,28 +6,30 @@ because rich would break atoms in the middle of words.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from engine.formats.report.gantt import Gantt, kept_order, summary
 from engine.formats.report.rows import TextTable, headed
 from engine.formats.report.steps import StepTable, span
 from engine.model.forecast import earliest_starts, makespan
 from engine.model.histories import History, histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.purposes import purposes
-from engine.model.schedule import Timetable
 from engine.model.wording import counted
 from kb.model.plan import Plan
 from kb.model.problem import Problem
+
+if TYPE_CHECKING:
+    from engine.model.schedule import Timetable
 
 WIDEST = 10_000
 
 
 def outcome(
-    result: Outcome, problem: Problem, timetable: Timetable | None = None, explained: bool = False
+    result: Outcome, problem: Problem, timetable: "Timetable | None" = None, explained: bool = False
 ) -> RenderableType:
     """An outcome for people; with a timetable also the chart of its plan. `explained`: what is told below says why there is none."""
     match result:
@@ -40,7 +42,7 @@ def outcome(
             return Text(f"Gave up: {reason}.")
 
 
-def plan_table(plan: Plan, problem: Problem, timetable: Timetable | None = None) -> RenderableType:
+def plan_table(plan: Plan, problem: Problem, timetable: "Timetable | None" = None) -> RenderableType:
     """Steps with the steps they wait for, start times and reasons; then histories, the chart and totals."""
     if not plan.steps:
         return Text("Nothing to do: the goals hold already.")
@@ -50,6 +52,8 @@ def plan_table(plan: Plan, problem: Problem, timetable: Timetable | None = None)
     starts = timetable.starts if timetable else earliest_starts(plan)
     chart: list[RenderableType] = []
     if timetable:
+        from engine.formats.report.gantt import Gantt, kept_order, summary
+
         said.append(summary(timetable.schedule, unit, timetable.scope))
         chart = [Text(), Gantt(timetable.shop, timetable.schedule, unit), Text()]
         chart += [Text(kept_order(timetable))] if timetable.note else []
