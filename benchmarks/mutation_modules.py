@@ -11,7 +11,16 @@ MODULES: dict[
         (
             *(
                 f"{VALIDATION}/test_{name}.py"
-                for name in ("facts", "rules", "false_claims", "chains", "semantics", "datalog", "precedence")
+                for name in (
+                    "facts",
+                    "aggregate_bounds",
+                    "rules",
+                    "false_claims",
+                    "chains",
+                    "semantics",
+                    "datalog",
+                    "precedence",
+                )
             ),
             *(f"tests/properties/test_{name}.py" for name in ("checker", "aggregates", "axioms")),
         ),
