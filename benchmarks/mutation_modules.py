@@ -23,6 +23,8 @@ MODULES: dict[
                 )
             ),
             *(f"tests/properties/test_{name}.py" for name in ("checker", "aggregates", "axioms")),
+            "tests/engine/test_centrifuge.py",
+            "tests/engine/pipelines/test_kept_orders.py",
         ),
     ),
     "deordering": (

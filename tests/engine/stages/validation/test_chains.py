@@ -229,6 +229,13 @@ def test_a_chain_that_comes_after_another_begins_after_its_end() -> None:
     ]
 
 
+def test_a_chain_waits_for_the_last_stage_of_the_one_before_it() -> None:
+    told = posed(((("rung(a)", "rung(b)"), False), (("up(a, two)",), True)))
+    both = step(1, "ring(a)"), step(2, "ring(b)", 1)
+    assert wrong(told, (*both, step(3, "raise(a, two)", 2))) == []
+    assert wrong(told, (*both, step(3, "raise(a, two)", 1))) != []
+
+
 def test_what_is_reached_together_is_reached_when_all_of_it_holds() -> None:
     told = posed((((BOTH, "rung(a)"), False),))
     one, two = step(1, "raise(a, one)"), step(2, "raise(a, two)", 1)

@@ -13,7 +13,7 @@ from kb.model.conditions import Literal
 from kb.model.domain import Default
 from kb.model.problem import Problem
 from kb.terms import Function
-from tests.engine.stages.validation.plans import link, problem, step, wrong
+from tests.engine.stages.validation.plans import atom, link, problem, step, wrong
 from tests.properties.problems import CONSTANTS, ONE_X, X, atoms, problems
 
 MANY = settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
@@ -267,3 +267,43 @@ def test_the_meaning_of_a_domain_serves_problems_with_the_same_facts_and_objects
     other = problem("tidy", (), DEFAULTS, objects="item: [screw]")
     assert own.about(other) is None
     assert own.about(dataclasses.replace(posed, domain=other.domain)) is None
+
+
+STACKED = """domain: stacked
+include: [rules.lp]
+types: {item: object, place: object}
+objects: {item: [bolt, nut, washer], place: [table, bin]}
+fluents: {"at(item, place)": {}, counted: {}}
+derived: {level(int): {}, free(place): {}, topped: {}}
+operators:
+  drop(I, P): {adds: "at(I, P)"}
+  lift(I, P): {preconditions: "at(I, P)", deletes: "at(I, P)"}
+  count(P): {preconditions: free(P), adds: counted}
+"""
+LEVELS = """
+level(N) :- N = #count { I : at(I, table) }.
+level(N - 1) :- level(N), N > 0.
+topped :- level(3).
+free(P) :- place(P), not at(_, P).
+"""
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_what_follows_from_a_count_follows_further(count: int) -> None:
+    """The numbers are met while the state is evaluated: rules that use them are instantiated then, and fire at once."""
+    posed = problem("topped", (), STACKED, rules=LEVELS)
+    items = ("bolt", "nut", "washer")
+    told = Semantics(posed)
+    for many in (count, 3, count):
+        found = told.facts([atom(f"at({each}, table)") for each in items[:many]])
+        assert {str(each) for each in found.named("level")} == {f"level({n})" for n in range(many + 1)}
+        assert (atom("topped") in found) == (many == 3)
+        free = {"free(bin)"} | ({"free(table)"} if not many else set())
+        assert {str(each) for each in found.named("free")} == free
+
+
+def test_what_is_free_of_everything_is_not_counted_beside_a_drop() -> None:
+    posed = problem("counted", (), STACKED, rules=LEVELS)
+    assert wrong(posed, (step(1, "count(bin)"), step(2, "drop(nut, table)"))) == []
+    assert wrong(posed, (step(1, "count(bin)"), step(2, "drop(nut, bin)", 1))) == []
+    assert wrong(posed, (step(1, "count(bin)"), step(2, "drop(nut, bin)"))) != []
