@@ -1,5 +1,6 @@
 """Cases of whole domains (read, grounded, planned) and of whole command lines, each in a process of its own."""
 
+import atexit
 import os
 import shutil
 import signal
@@ -113,6 +114,7 @@ def commands(seed: int, folder: Path) -> Callable[[int], bool]:
 def _command(arguments: list[str], folder: Path) -> None:
     from engine.faces.cli import main
 
+    atexit._clear()  # the end of a command must not delete the folder of the campaign that it was forked from
     out = os.open(folder / "stdout", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
     said = os.open(folder / "stderr", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
     os.dup2(out, 1)
