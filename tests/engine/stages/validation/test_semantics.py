@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from engine.stages.grounding import ground
+from engine.stages.validation.changes import Denial
 from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import InvalidInput
 from kb.model.conditions import Literal
@@ -307,3 +308,38 @@ def test_what_is_free_of_everything_is_not_counted_beside_a_drop() -> None:
     assert wrong(posed, (step(1, "count(bin)"), step(2, "drop(nut, table)"))) == []
     assert wrong(posed, (step(1, "count(bin)"), step(2, "drop(nut, bin)", 1))) == []
     assert wrong(posed, (step(1, "count(bin)"), step(2, "drop(nut, bin)"))) != []
+
+
+SIGNALS = """domain: signals
+types: {lamp: object}
+objects: {lamp: [red, green]}
+statics: {spare(lamp): {}}
+fluents: {power: {}, dark(lamp): {}, done: {}}
+events: {blinked(lamp): {}}
+operators:
+  blink(L):
+    adds: blinked(L)
+    effects:
+      - {when: power, adds: blinked(L)}
+      - {when: not dark(L), adds: blinked(L)}
+  cut: {preconditions: power, deletes: power}
+deductive_operators:
+  - {when: not power, where: spare(L), implies: dark(L)}
+"""
+
+
+def test_an_event_that_conditions_repeat_happens_once() -> None:
+    once = ("{name: red, stages: blinked(red)}",)
+    twice = ("{name: red, stages: 'blinked(red), blinked(red)'}",)
+    for workflow, blinks, right in ((once, 1, True), (twice, 1, False), (twice, 2, True)):
+        posed = problem("", ("power",), SIGNALS, workflow)
+        steps = tuple(step(n, "blink(red)", *range(1, n)) for n in range(1, blinks + 1))
+        assert (wrong(posed, steps) == []) == right
+
+
+@pytest.mark.parametrize("spare", [False, True])
+def test_an_end_has_consequences_only_where_something_follows(spare: bool) -> None:
+    posed = problem("done", ("power",), SIGNALS, statics=("spare(red)",) if spare else ())
+    change = Semantics(posed).deduce([], [Denial(atom("power"), deduced=False)], frozenset({atom("power")}))
+    assert change.adds == ({atom("dark(red)")} if spare else set())
+    assert change.triggered == ({atom("power")} if spare else set())
