@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from engine.model.outcome import Found
 from engine.pipelines import planning
 from engine.stages.validation import validate
-from kb.model.plan import Step
+from kb.model.plan import Claims, Plan, Step
 from kb.model.problem import Chain, Problem
 from kb.terms import Atom, together
-from tests.engine.stages.validation.plans import atom, problem, step, wrong
+from tests.engine.stages.validation.plans import atom, link, problem, step, wrong
 
 DOMAIN = """domain: bell
 types: {thing: object, mark: object}
@@ -175,6 +175,18 @@ def test_a_stage_that_held_before_its_turn_holds_in_every_order() -> None:
     assert found == [
         "K506: up(a, one) of c0 is reached when step 2 has come, but it may not hold then in every order"
     ]
+
+
+@pytest.mark.parametrize(
+    ("producer", "stage", "right"), [(2, 1, True), (2, 2, True), (1, 1, False), (3, 1, False)]
+)
+def test_a_stage_that_held_before_its_turn_is_reached_with_the_step_before_it(
+    producer: int, stage: int, right: bool
+) -> None:
+    told = posed(((("rung(a)", "up(a, one)", "rung(b)"), False),))
+    steps = (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2))
+    plan = Plan(steps, (link(producer, f'_stage("c0", {stage})', -1),))
+    assert ([each.code for each in validate(told, plan, claims=Claims())] == []) == right
 
 
 def test_a_stage_that_holds_to_the_end_needs_no_order() -> None:

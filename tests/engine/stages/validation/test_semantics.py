@@ -7,14 +7,15 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from engine.stages.grounding import ground
-from engine.stages.validation.changes import Denial
+from engine.stages.validation.changes import Denial, StepChange
+from engine.stages.validation.interference import Executed
 from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import InvalidInput
 from kb.model.conditions import Literal
 from kb.model.domain import Default
 from kb.model.problem import Problem
-from kb.terms import Function
-from tests.engine.stages.validation.plans import atom, link, problem, step, wrong
+from kb.terms import ANYTHING, Function
+from tests.engine.stages.validation.plans import CELL, atom, link, problem, step, wrong
 from tests.properties.problems import CONSTANTS, ONE_X, X, atoms, problems
 
 MANY = settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
@@ -343,3 +344,20 @@ def test_an_end_has_consequences_only_where_something_follows(spare: bool) -> No
     change = Semantics(posed).deduce([], [Denial(atom("power"), deduced=False)], frozenset({atom("power")}))
     assert change.adds == ({atom("dark(red)")} if spare else set())
     assert change.triggered == ({atom("power")} if spare else set())
+
+
+def test_a_step_changes_what_a_pattern_stands_for_whichever_argument_is_open() -> None:
+    posed = problem("lit", (), CELL)
+    drop = next(each for each in posed.domain.operators if each.name == "drop")
+    told = Executed(
+        step(1, "drop(bolt, bin)"), drop, {}, StepChange(frozenset({atom("at(bolt, bin)")}), frozenset(), ())
+    )
+    bolt, table, bin_ = Function("bolt"), Function("table"), Function("bin")
+    for pattern, changed in (
+        ((ANYTHING, bin_), True),
+        ((bolt, ANYTHING), True),
+        ((ANYTHING, ANYTHING), True),
+        ((ANYTHING, table), False),
+        ((Function("nut"), ANYTHING), False),
+    ):
+        assert told.changes(Function("at", pattern)) == changed
