@@ -65,7 +65,7 @@ def _prepare(
         found = prepare_all(paths, store, limits, crew, progress)
     statuses = {each.status for each in found.problems}
     code = INTERRUPTED if interrupted.heard else BAD_INPUT if "bad input" in statuses else 0
-    if not code and ("gave up" in statuses or len(found.problems) < len(paths)):
+    if not code and "gave up" in statuses:
         code = LIMIT if interrupted() else GAVE_UP
     diagnostics = tuple(dict.fromkeys(d for each in found.problems for d in each.diagnostics))
     return Answer(

@@ -6,7 +6,7 @@ sequence is kept, too. A preparation that was cut off goes on where it was: a le
 
 import contextlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 
 from engine.pipelines.planning import loaded
@@ -55,20 +55,31 @@ def prepare(
         stale = _without_stale(paths, store)
     except Stopped:
         return Preparation(tuple(lost(job, INTERRUPTED) for job in jobs))
-    before = Counter[Path]() if isinstance(crew, Alone) else find_poses(jobs, crew, limits.interrupted)
-    units = [Unit(str(job.path), job.content, job) for job in jobs]
+    found: dict[Path, Prepared] = {}
+    with contextlib.suppress(
+        Stopped
+    ):  # the end of the time met what never asks whether to stop: the rest is lost
+        before = Counter[Path]() if isinstance(crew, Alone) else find_poses(jobs, crew, limits.interrupted)
+        with contextlib.closing(_carried_out(jobs, store, limits, crew)) as answers:
+            for unit, prepared in answers:
+                found[unit.job.path] = with_found(prepared, before[unit.job.path])
+                progress(len(found), len(jobs))
+    return Preparation(tuple(found.get(job.path) or lost(job, INTERRUPTED) for job in jobs), stale)
+
+
+def _carried_out(
+    jobs: Sequence[PreparationJob], store: str, limits: Limits, crew: Crew
+) -> Generator[tuple[Unit[PreparationJob], Prepared], None, None]:
+    """All problems with what became of them, as they are finished."""
     kind = Kind(
         f"prepare {limits.expansions} {limits.seed}",
         work,
         lost,
         Ledger(everywhere(store), notes.finished, notes.written, notes.read),
     )
-    found: dict[Path, Prepared] = {}
-    with contextlib.closing(carried_out(kind, units, crew, limits.interrupted)) as answers:
-        for unit, prepared in answers:
-            found[unit.job.path] = with_found(prepared, before[unit.job.path])
-            progress(len(found), len(jobs))
-    return Preparation(tuple(found[job.path] for job in jobs if job.path in found), stale)
+    return carried_out(
+        kind, [Unit(str(job.path), job.content, job) for job in jobs], crew, limits.interrupted
+    )
 
 
 def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ...]]:
