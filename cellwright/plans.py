@@ -285,9 +285,10 @@ def revise(
     `done` are steps ("1..4, 7"), `holds` and `gone` facts, `lost` tools and resources. Raises `InvalidInput`, `TimeoutError`.
     """
     from engine.pipelines.revision.now import revised_now
+    from engine.pipelines.troubleshooting.recovery import in_sequence
     from engine.stages.planning import Limits
 
     with limited(seconds) as over:
         problem, made, _, _ = plan_of(plan)
         limits = Limits(expansions, interrupted=over, seed=seed)
-        return Revised(*revised_now(problem, made, (done, holds, gone, lost), limits, both))
+        return Revised(*revised_now(problem, made, (done, holds, gone, lost), limits, both, in_sequence))

@@ -173,6 +173,6 @@ def results(run: str, *, store: Name = "") -> "Told[Measured]":
 
     def shown(told: "Measured") -> "RenderableType":
         more = [] if told.survey is None else ["", survey.text(told.survey)]
-        return Group(report.text(told.results), *more)
+        return Group(report.text(told.results, told.subjects), *more)
 
     return Told(survey_of(fspath(store) or default_store(), run), "ok", content, shown)

@@ -41,6 +41,12 @@ def wanted(problem: Problem) -> set[str]:
     return {name for goal in goal_parts(problem.goal) for name in named(goal, known)}
 
 
+def is_put_in_order(problem: Problem) -> bool:
+    """Whether the goals name measurements that the sequencer puts in order, or shares among arms."""
+    least = 1 if is_shared(problem) else 2
+    return chooses_tools(problem.domain) and len(wanted(problem)) >= least
+
+
 def asked_for(problem: Problem) -> set[str] | None:
     """The measurements that goals and workflows name; None if that is all of them, or if some goal names none: it may take any."""
     known = set(measurements_of(problem))

@@ -22,6 +22,7 @@ NOTHING_MORE = "no goal that is still open can be reached"
 IN_ANY_CASE = "it cannot be reached from this state, whatever is done"
 KEPT = 16  # ground tasks
 
+Planner = Callable[[Problem, Limits], Outcome]
 Removed = frozenset[int] | None  # obstacles without which a problem is looked at; None: as it was given
 
 
@@ -68,15 +69,16 @@ def attainable(
     obstacles: Obstacles | None = None,
     limits: Limits = Limits(),
     outcome: Outcome | None = None,
+    planner: Planner = planning.plan,
 ) -> Attainable:
     """A plan for as many goals as can be reached, in the order in which they are named. Raises `InvalidInput`.
 
-    `outcome` is the answer for all goals, if it is known already.
+    `outcome` is the answer for all goals, if it is known already. `planner` answers whole problems.
 
     No plan exists if no goal that is still open can be reached. A search that gives up proves nothing: its answer is passed
     on, and no goal is given up for it.
     """
-    outcome = outcome or planning.plan(problem, limits)
+    outcome = outcome or planner(problem, limits)
     if not isinstance(outcome, Infeasible):
         return Attainable(problem, outcome)
     search = _Search(problem, obstacles, limits)
@@ -85,7 +87,7 @@ def attainable(
     kept = search.together([part for part in alone if part is not None])
     given_up = tuple(search.given_up(wanted, alone, kept))
     left = search.only(kept)
-    found = planning.plan(left, limits) if kept else outcome
+    found = planner(left, limits) if kept else outcome
     if not kept or (isinstance(found, Found) and not found.plan.steps):
         return Attainable(problem, replace(outcome, reason=NOTHING_MORE), given_up)
     return Attainable(left, found, given_up)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from engine.model.measurements import chooses_tools, is_shared, wanted
+from engine.model.measurements import is_put_in_order
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
 from engine.pipelines.planning import in_the_order_named, planned
@@ -87,8 +87,7 @@ def sequenced(
 
     MACROPs are found in `memory` and learned there, and a sequence is kept in `store`, if they are given.
     """
-    least = 1 if is_shared(problem) else 2
-    if not chooses_tools(problem.domain) or len(wanted(problem)) < least:
+    if not is_put_in_order(problem):
         return None
     from engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
 

@@ -47,10 +47,14 @@ def results_of(store: str, run: str) -> Results:
 
 @dataclass(frozen=True)
 class Told:
-    """The results of a run, and what they show of the part; no survey for a run without measurements."""
+    """The results of a run, and what they show of the part; no survey for a run without measurements.
+
+    `subjects` are the objects that the workflow is about.
+    """
 
     results: Results
     survey: Survey | None
+    subjects: tuple[str, ...] = ()
 
 
 def survey_of(store: str, run: str) -> Told:
@@ -63,14 +67,16 @@ def survey_of(store: str, run: str) -> Told:
         problem = problem_of(*(str(about.get(each, "")) for each in ("target", "goals", "command")))
         with reading_past(store, run):
             results = read(begun, problem, journal.lines(run, kinds=KINDS))
+            subjects = tuple(dict.fromkeys(str(chain.subject) for chain in problem.chains))
             if not results.measured:
-                return Told(results, None)
+                return Told(results, None, subjects)
             told = list(journal.lines(run, kinds=TOLD))
     placed = [(line.content, line.at_ms) for line in told if line.kind == RecordKind.ALIGNMENT.value]
     given_up = list(_given_up(told))
     spoilt = spoilt_in((line.content, line.at_ms) for line in told if line.kind == RecordKind.WORLD.value)
     again = _again(line.content for line in told if line.kind == RecordKind.DECISION.value)
-    return Told(results, survey(problem, results, placed, given_up, _impossible(problem), spoilt, again))
+    surveyed = survey(problem, results, placed, given_up, _impossible(problem), spoilt, again)
+    return Told(results, surveyed, subjects)
 
 
 def _given_up(told: Iterable[Line]) -> Iterator[tuple[str, str]]:

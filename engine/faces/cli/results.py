@@ -33,25 +33,37 @@ Output = Annotated[
 ]
 
 
-def results(run: RunName = "", store: Store = "", output: Output = None, format: Format = Form.TEXT) -> None:
+History = Annotated[
+    bool,
+    typer.Option("--history", help="show the histories of all objects, not those alone that are processed"),
+]
+
+
+def results(
+    run: RunName = "",
+    store: Store = "",
+    output: Output = None,
+    history: History = False,
+    format: Format = Form.TEXT,
+) -> None:
     """Show what RUN has measured, and the history of each object; or write it as CSV, JSON, QIF Results or a report in HTML."""
     if output is not None and not run:
         raise typer.BadParameter("--output needs the name of a run")
-    give(lambda: _told(run, store or default_store(), output), format)
+    give(lambda: _told(run, store or default_store(), output, history), format)
 
 
-def _told(run: str, store: str, output: Path | None) -> Answer:
-    return _results(run, store, output) if run else _runs(store)
+def _told(run: str, store: str, output: Path | None, history: bool) -> Answer:
+    return _results(run, store, output, history) if run else _runs(store)
 
 
-def _results(run: str, store: str, output: Path | None) -> Answer:
+def _results(run: str, store: str, output: Path | None, history: bool) -> Answer:
     from rich.text import Text
 
     from engine.formats.interop.results import written
     from engine.pipelines.results import results_of
 
     if output is None:
-        return _shown(run, store)
+        return _shown(run, store, history)
     if output.suffix.lower() == ".html":
         return _report(run, store, output)
     form = _form(output)
@@ -62,7 +74,7 @@ def _results(run: str, store: str, output: Path | None) -> Answer:
     return Answer("ok", content, lambda: Text(said))
 
 
-def _shown(run: str, store: str) -> Answer:
+def _shown(run: str, store: str, history: bool) -> Answer:
     """The results, and what they show of the part."""
     from rich.console import Group
 
@@ -74,9 +86,9 @@ def _shown(run: str, store: str) -> Answer:
     told = survey_of(store, run)
     found, survey = told.results, told.survey
     content = entry(found) | ({} if survey is None else {"survey": surveys.entry(survey)})
-    if survey is None:
-        return Answer("ok", content, lambda: report.text(found))
-    return Answer("ok", content, lambda: Group(report.text(found), "", surveys.text(survey)))
+    more = [] if survey is None else ["", surveys.text(survey)]
+    subjects = None if history else told.subjects
+    return Answer("ok", content, lambda: Group(report.text(found, subjects), *more))
 
 
 def _report(run: str, store: str, output: Path) -> Answer:

@@ -47,6 +47,7 @@ def _revise(file: Path, given: Observations, both: bool, work: tuple[float | Non
     from engine.formats.report import json, revised
     from engine.pipelines.planning import plan_in
     from engine.pipelines.revision.now import revised_now
+    from engine.pipelines.troubleshooting.recovery import in_sequence
     from engine.stages.planning import Limits
 
     seconds, expansions, seed = work
@@ -54,7 +55,7 @@ def _revise(file: Path, given: Observations, both: bool, work: tuple[float | Non
         problem, plan = plan_in(file)
         limits = Limits(expansions, interrupted=interrupted, seed=seed)
         found, follows = revised_now(
-            problem, plan, (given.done, given.holds, given.gone, given.lost), limits, both
+            problem, plan, (given.done, given.holds, given.gone, given.lost), limits, both, in_sequence
         )
     content = {**json.outcome(found.outcome, found.problem), "revision": revised.entry(found, follows)}
     code = INTERRUPTED if interrupted.heard else exit_code(found.outcome)

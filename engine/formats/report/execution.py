@@ -55,6 +55,12 @@ def text(ending: "Finish", store: str) -> RenderableType:
     return Group(*lines)
 
 
+def clock(ms: int) -> str:
+    """A moment of a run as hours, minutes and seconds: 0:28:27."""
+    minutes, seconds = divmod(round(ms / 1000), 60)
+    return f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
+
+
 def duration(ms: int) -> str:
     """A time in the units that people use."""
     seconds = ms / 1000

@@ -8,7 +8,7 @@ from engine.pipelines.revision.changes import Changes
 from engine.pipelines.revision.course import Course
 from engine.pipelines.revision.observing import expected, following, observed, read_done, read_facts
 from engine.pipelines.revision.remaining import rest_of
-from engine.pipelines.revision.revise import PlanRevision, revise
+from engine.pipelines.revision.revise import PlanRevision, Sequencer, no_sequence, revise
 from engine.pipelines.simulation import Dynamics
 from engine.stages.planning import Limits
 from kb.asp import AspError, ground_term
@@ -23,9 +23,14 @@ Words = tuple[str, str, str, str]
 
 
 def revised_now(
-    problem: Problem, plan: Plan, said: Words, limits: Limits = Limits(), both: bool = False
+    problem: Problem,
+    plan: Plan,
+    said: Words,
+    limits: Limits = Limits(),
+    both: bool = False,
+    sequencer: Sequencer = no_sequence,
 ) -> tuple[PlanRevision, tuple[tuple[Atom, bool], ...]]:
-    """The revised plan, and the facts that follow from what is said. Raises `InvalidInput`."""
+    """The revised plan, and the facts that follow from what is said; see `revise`. Raises `InvalidInput`."""
     done, holds, gone, lost = said
     steps = read_done(done, plan)
     present, absent = read_facts(holds, problem.domain, "--holds"), read_facts(gone, problem.domain, "--gone")
@@ -36,7 +41,7 @@ def revised_now(
     withdrawn = tuple((atom, "it is observed to be gone") for atom in absent if atom in rest.initial)
     follows = following(rest.initial, state, (*present, *absent))
     changes = Changes(Dynamics(rest), Believed(withdrawn=withdrawn, lost=losses, follows=follows))
-    found = revise(here, (), state, limits, both, changes.obstacles(state))
+    found = revise(here, (), state, limits, both, changes.obstacles(state), sequencer)
     return found, follows
 
 

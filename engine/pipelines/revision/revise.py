@@ -7,8 +7,9 @@ needless are dropped (Nakhost & Müller 2010). The problem is replanned as a who
 
 import dataclasses
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from engine.model.outcome import Found, Outcome
 from engine.model.replay import early
@@ -27,6 +28,9 @@ from engine.stages.planning.variants import plainly
 from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Text
+
+Sequencer = Callable[[Problem, Limits], Outcome | None]
+"""The answer for a problem whose acts the domain puts in order, as an inspection's measurements; None for any other."""
 
 GAPS = 3  # the most tails to which a gap is planned
 SLACK = 5  # a repair may cost so much more than the steps left, or a quarter more if that is more
@@ -52,6 +56,11 @@ class PlanRevision:
     given_up: tuple[GivenUp, ...] = ()
 
 
+def no_sequence(_problem: Problem, _limits: Limits) -> Outcome | None:
+    """Nothing is put in order."""
+    return None
+
+
 def revise(
     course: Course,
     done: Sequence[StepId],
@@ -59,23 +68,29 @@ def revise(
     limits: Limits = Limits(),
     both: bool = False,
     obstacles: Obstacles | None = None,
+    sequencer: Sequencer = no_sequence,
 ) -> PlanRevision:
     """A plan for what is left, after the steps `done`, from the state `observed`; else for the goals that can be reached.
 
-    `both` compares repair with replanning in any case. `obstacles` are possible reasons for goals that are given up.
-    Raises `InvalidInput`.
+    `both` compares repair with replanning in any case. `obstacles` are possible reasons for goals that are given up. Where
+    the steps left do not reach all goals that are open, the `sequencer` says anew in which order: steps put in front of them
+    could cost little, and go to and fro. Raises `InvalidInput`.
     """
     finished = [step for step in course.plan.steps if step.id in set(done)]
     left = [step for step in course.plan.steps if step.id not in set(done)]
     reached = stages_reached(course.problem.chains, course.start, changes_of(course.start, finished))
     problem = remaining(course.problem, reached, observed)
     repair = _PlanRepair(course, problem, reached, left, limits)
-    repaired, way = repair.plan()
+    kept, way = repair.continued()
+    in_order = sequencer(problem, limits) if kept is None and repair.leaves_goals() else None
+    if isinstance(in_order, Found) and not both:
+        return _revision(problem, in_order, "replanned", left, None, in_order.plan.cost)
+    repaired = repair.over_a_gap() if kept is None else kept
     if repaired is not None and repaired.cost <= affordable(left) and not both:
         return _revision(problem, Found(repaired), way, left, repaired.cost, None)
     if repaired is None:
-        return planned_anew(problem, Plan(tuple(left)), limits, obstacles)
-    replanned = planning.plan(problem, limits)
+        return planned_anew(problem, Plan(tuple(left)), limits, obstacles, sequencer)
+    replanned = in_order or planning.plan(problem, limits)
     cost = replanned.plan.cost if isinstance(replanned, Found) else None
     if cost is None or repaired.cost <= cost:
         return _revision(problem, Found(repaired), way, left, repaired.cost, cost)
@@ -87,9 +102,12 @@ def planned_anew(
     left: Plan | None = None,
     limits: Limits = Limits(),
     obstacles: Obstacles | None = None,
+    sequencer: Sequencer = no_sequence,
 ) -> PlanRevision:
     """A new plan for the goals of a problem that can be reached, compared with the steps that were left of an old one."""
-    found = attainable(problem, obstacles, limits)
+    found = attainable(
+        problem, obstacles, limits, planner=lambda *asked: sequencer(*asked) or planning.plan(*asked)
+    )
     cost = found.outcome.plan.cost if isinstance(found.outcome, Found) else None
     steps = left.steps if left else ()
     made = _revision(found.problem, found.outcome, "replanned", steps, None, cost)
@@ -137,22 +155,34 @@ class _PlanRepair:
     left: Sequence[Step]
     limits: Limits
 
-    def plan(self) -> tuple[Plan | None, str]:
-        """The repaired plan, and how it was made: done, continued or repaired; None if no repair passes the gate."""
-        here = self.course.bits(self.problem.initial, self.reached)
-        if self.course.reached_goals(here) is not None and self._passed(Plan(())) is not None:
+    def continued(self) -> tuple[Plan | None, str]:
+        """The plan that goes on as it was, or has nothing more to do, and which of both; None if that is no plan."""
+        if self.course.reached_goals(self._here) is not None and self._passed(Plan(())) is not None:
             return Plan(()), "done"
-        tail = self._tail()
-        if tail is None:
-            return None, ""
-        goals, steps = tail
-        kernels = self.course.kernels(steps, goals)
-        whole = next((n for n in range(len(steps), -1, -1) if not kernels[n] & ~here), None)
-        if whole is not None:
-            made = self._made(here, steps[whole:], goals)
-            return made, "continued" if made is not None else ""
-        return self._over_a_gap(here, steps, goals, kernels), "repaired"
+        if self._tail is None:
+            return None, "repaired"
+        goals, steps = self._tail
+        whole = next((n for n in range(len(steps), -1, -1) if not self._kernels[n] & ~self._here), None)
+        made = None if whole is None else self._made(steps[whole:], goals)
+        return made, "repaired" if whole is None else "continued"
 
+    def leaves_goals(self) -> bool:
+        """Whether there are open goals that the steps left do not reach."""
+        return self._tail is None or bool(self._tail[0] & self._kernels[0] & ~self._here)
+
+    @cached_property
+    def _here(self) -> Bits:
+        return self.course.bits(self.problem.initial, self.reached)
+
+    @cached_property
+    def _kernels(self) -> Sequence[Bits]:
+        """What must hold before each tail of the steps that were left, so that it reaches the goals."""
+        if self._tail is None:
+            return ()
+        goals, steps = self._tail
+        return self.course.kernels(steps, goals)
+
+    @cached_property
     def _tail(self) -> tuple[Bits, list[GroundOperator]] | None:
         """The goals that the plan was to reach, and the steps that were left, as ground operators; None if they fail."""
         finished = [step for step in self.course.plan.steps if step not in self.left]
@@ -168,40 +198,41 @@ class _PlanRepair:
         goals = self.course.reached_goals(state)
         return None if goals is None else (goals, operators)
 
-    def _over_a_gap(
-        self, here: Bits, steps: Sequence[GroundOperator], goals: Bits, kernels: Sequence[Bits]
-    ) -> Plan | None:
+    def over_a_gap(self) -> Plan | None:
         """A plan that leads to the kernel of a tail, followed by that tail.
 
         Tails come first whose kernels miss few atoms and which cost little. The first affordable plan is taken, else the
-        cheapest of a few.
+        cheapest of a few. None as well if a tail holds as it is, so that there is no gap.
         """
+        if self._tail is None or any(not each & ~self._here for each in self._kernels):
+            return None
+        goals, steps = self._tail
 
         def promise(n: int) -> tuple[int, int]:
-            missing = (kernels[n] & ~here).bit_count()
+            missing = (self._kernels[n] & ~self._here).bit_count()
             return missing + sum(step.cost for step in steps[n:]), n
 
         best: Plan | None = None
         for n in sorted(range(len(steps) + 1), key=promise)[:GAPS]:
-            made = self._gap(here, steps[n:], goals, kernels[n])
+            made = self._gap(steps[n:], goals, self._kernels[n])
             if made is not None and (best is None or made.cost < best.cost):
                 best = made
             if best is not None and best.cost <= affordable(self.left):
                 break
         return best
 
-    def _gap(self, here: Bits, tail: Sequence[GroundOperator], goals: Bits, kernel: Bits) -> Plan | None:
-        task = dataclasses.replace(self.course.task, initial=here, goals=(kernel,))
+    def _gap(self, tail: Sequence[GroundOperator], goals: Bits, kernel: Bits) -> Plan | None:
+        task = dataclasses.replace(self.course.task, initial=self._here, goals=(kernel,))
         outcome = plan_task(task, self.limits)
         if not isinstance(outcome, Found):
             return None
-        gap = self.course.executed(here, [step.operator for step in outcome.plan.steps])
-        return self._made(here, [*gap, *tail], goals) if gap is not None else None
+        gap = self.course.executed(self._here, [step.operator for step in outcome.plan.steps])
+        return self._made([*gap, *tail], goals) if gap is not None else None
 
-    def _made(self, here: Bits, steps: Sequence[GroundOperator], goals: Bits) -> Plan | None:
+    def _made(self, steps: Sequence[GroundOperator], goals: Bits) -> Plan | None:
         """A plan of those steps that are needed; None if it does not pass the gate."""
-        task = dataclasses.replace(self.course.task, initial=here)
-        kept = eliminate(here, early(task, plainly(task, steps)), goals)
+        task = dataclasses.replace(self.course.task, initial=self._here)
+        kept = eliminate(self._here, early(task, plainly(task, steps)), goals)
         made = deorder(task, kept, goals)
         shifted = Plan(made.steps, tuple(self._shifted(link) for link in made.links))
         return self._passed(shifted)

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from engine.model.cases import Prepared, Revision
-from engine.model.measurements import chooses_tools
+from engine.model.measurements import is_put_in_order
 from engine.model.outcome import Found, Outcome
 from engine.pipelines.attainment import GivenUp
 from engine.pipelines.inspection.progress import Progress
@@ -23,7 +23,7 @@ from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
 from kb.terms import ordered
 
-__all__ = ["FirstRepair", "Recovery", "recover", "rest_of", "told"]
+__all__ = ["FirstRepair", "Recovery", "in_sequence", "recover", "rest_of", "told"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,29 +78,29 @@ def recover(
     changes = Changes(dynamics, change)
     now = ordered(changes.state() if believed is None else believed)
     here, obstacles = changes.planned_in(now), changes.obstacles(now)
-    if size(here) > LARGE and (ordered_plan := _in_order(here, limits)) is not None:
+    if size(here) > LARGE and isinstance(ordered_plan := in_sequence(here, limits), Found):
         return Recovery(here, ordered_plan, "planned" if left is None else "replanned")
     if left is None or not executable:
-        found = planned_anew(here, left, limits, obstacles)
+        found = planned_anew(here, left, limits, obstacles, in_sequence)
         way = "planned" if left is None else found.way
         return Recovery(
             found.problem, found.outcome, way, found.kept, found.dropped, found.added, found.given_up
         )
     course = Course.of(replace(here, initial=ordered(dynamics.semantics.initial())), left)
-    found = revise(course, (), now, limits, obstacles=obstacles)
+    found = revise(course, (), now, limits, obstacles=obstacles, sequencer=in_sequence)
     return Recovery(
         found.problem, found.outcome, found.way, found.kept, found.dropped, found.added, found.given_up
     )
 
 
-def _in_order(here: Problem, limits: Limits) -> Outcome | None:
-    """A plan for an inspection that is too large to be grounded as a whole, in the order of its sequence; None if there is none so."""
-    if not chooses_tools(here.domain):
+def in_sequence(problem: Problem, limits: Limits) -> Outcome | None:
+    """A plan for an inspection in the order of its sequence; None for any other problem, or if that leads to no plan."""
+    if not is_put_in_order(problem):
         return None
     from engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
 
-    made = by_sequence(here, limits)
-    return made.outcome if made is not None and isinstance(made.outcome, Found) else None
+    made = by_sequence(problem, limits)
+    return made.outcome if made is not None else None
 
 
 def told(found: Recovery, problem: Problem, lost: Collection[str], store: str) -> Recovery:

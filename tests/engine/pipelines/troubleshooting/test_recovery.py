@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from engine.faces.cli import app
 from engine.model.cases import Revision
 from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
+from engine.pipelines import objective, planning
 from engine.pipelines.inspection.progress import News
 from engine.pipelines.parts.keeping import carry_on, told_of_losses
 from engine.pipelines.troubleshooting import after, recover
@@ -173,3 +173,25 @@ def test_a_plan_for_another_problem_and_steps_that_are_not_in_it_are_refused(
     plan = str(plate.with_suffix(".json"))
     given = ["--exception", "no_echo", "--hidden", "broken_probe", "--recover", "--plan", plan]
     assert run("diagnose", target, *given, *others)[0] == 2
+
+
+@pytest.mark.slow
+def test_measurements_that_are_open_again_are_made_in_the_order_of_the_sequencer() -> None:
+    problem = planning.problem_of("bulkhead/twelve_points")
+    first = objective.plan(problem).outcome
+    assert isinstance(first, Found)
+    half = [step.id for step in first.plan.steps[: len(first.plan.steps) // 2]]
+    now, left = rest_of(problem, first.plan, half)
+    doubted = tuple((each, "the part has moved") for each in now.initial if each.name == "measured")
+    assert len(doubted) > 1
+    found = recover(now, Revision(withdrawn=doubted), left=left)
+    anew = objective.plan(found.problem).outcome
+    assert isinstance(found.outcome, Found)
+    assert isinstance(anew, Found)
+    assert found.way == "replanned"
+    assert seconds(found.outcome.plan) == seconds(anew.plan)
+
+
+def seconds(plan: Plan) -> int:
+    """How long the steps of one arm last, one after another."""
+    return sum(step.duration for step in plan.steps)
