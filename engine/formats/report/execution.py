@@ -62,10 +62,8 @@ def clock(ms: int) -> str:
 
 
 def duration(ms: int) -> str:
-    """A time in the units that people use."""
-    seconds = ms / 1000
-    if seconds < 120:
-        return f"{seconds:g} s"
-    if seconds < 7200:
-        return f"{int(seconds // 60)} min {seconds % 60:g} s"
-    return f"{int(seconds // 3600)} h {int(seconds % 3600 // 60)} min"
+    """A time in the units that people use, to the second above two minutes."""
+    if ms < 120_000:
+        return f"{ms / 1000:g} s"
+    minutes, seconds = divmod(round(ms / 1000), 60)
+    return f"{minutes} min {seconds} s" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"

@@ -190,7 +190,7 @@ class ExceptionHandler:
     ) -> Ready | GivesUp:
         assert self.base is not None
         now = recovery.now or before
-        self._believe(now, exception)
+        self._believe(now, _reason(exception, made))
         for goal in recovery.given_up:
             self.course.recorder.note(RecordKind.GIVEN_UP, goal=goal.goal, why=goal.why)
         outcome = recovery.outcome
@@ -282,6 +282,12 @@ class ExceptionHandler:
             if matched(expected, made.reply) is None:
                 taken = tuple(each.operator for each in steps[:number])
                 raise Interruption(step.operator, made.command.number, made.reply, taken)
+
+
+def _reason(exception: str, made: Diagnosis) -> str:
+    """Why the world is believed to be another: the cause where it is known, and the exception."""
+    cause = str(made.hypotheses[0][0]) if made.isolated and made.hypotheses else ""
+    return f"{cause} ({exception})" if cause else exception
 
 
 def _take(desk: Desk, steps: Sequence[Function]) -> None:
