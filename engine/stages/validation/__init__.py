@@ -102,9 +102,8 @@ class _Check:
             if step.id in seen or step.id <= 0:
                 self._report("K507", f"step number {step.id} is used twice or not positive")
             seen.add(step.id)
-        known = seen | {START, GOAL}
         for link in self.plan.links:
-            if link.producer not in known or link.consumer not in known:
+            if link.producer not in seen | {START} or link.consumer not in seen | {GOAL}:
                 self._report(
                     "K504", f"a link names a step that does not exist: {link.producer} to {link.consumer}"
                 )

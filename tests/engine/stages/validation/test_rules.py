@@ -39,7 +39,7 @@ def test_numbers_of_steps_are_positive_and_used_once(number: int) -> None:
     ]
 
 
-@pytest.mark.parametrize(("producer", "consumer"), [(7, -1), (1, 7), (7, 8)])
+@pytest.mark.parametrize(("producer", "consumer"), [(7, -1), (1, 7), (7, 8), (1, 0), (-1, 1), (0, 0)])
 def test_a_link_is_between_steps_of_the_plan(producer: int, consumer: int) -> None:
     posed = problem("lit", ())
     assert wrong(posed, (step(1, "light"),), (link(producer, "lit", consumer),)) == [
