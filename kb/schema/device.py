@@ -28,6 +28,9 @@ class ExampleEntry(Strict):
     stage: str | None = Field(None, description="a stage that the device reaches: $heated(P, 10 min)")
     goal: str | None = Field(None, description="a goal that it reaches, in place of a stage")
     probes: Literal["1", "2"] = Field("1", description="how many probes reach it together")
+    turn: Literal["1", "2", "3", "4"] = Field(
+        "3", description="when a probe comes to it: 1 it arrives and is read, 2 it is filled, 4 it is closed"
+    )
     fault: str | None = Field(
         None,
         description="a step and a cause that can be repaired, as for `run --fault`: $press_switch=switch_not_pressed",

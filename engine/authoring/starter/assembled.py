@@ -119,7 +119,7 @@ def _faults(name: str) -> str:
 def _problem(name: str, uses: Sequence[Use]) -> str:
     """One probe goes through every device and back; a second one goes with it where two are needed."""
     store = next((use.name for kind in STORES for use in uses if use.device.name == kind), "")
-    examples = [use.example() for use in uses if use.name != store]
+    examples = sorted((use.example() for use in uses if use.name != store), key=_turn)
     objects = [f"probe: [{', '.join(PROBES)}]"] if store else []
     objects += _further(_said(examples, "objects"))
     homes = [f"own_depot({each}, slot({store}, {n}))" for n, each in enumerate(PROBES, 1) if store]
@@ -146,6 +146,11 @@ def _further(said: Iterable[str]) -> list[str]:
         kind, _, name = each.partition(": ")
         found.setdefault(kind, []).append(name)
     return [f"{kind}: [{', '.join(names)}]" for kind, names in found.items()]
+
+
+def _turn(example: dict[str, str]) -> str:
+    """When a probe comes to a device, whatever the order in which devices are named."""
+    return example.get("turn", "3")
 
 
 def _said(examples: Iterable[dict[str, str]], key: str) -> list[str]:

@@ -1,5 +1,6 @@
 """Cells put together from devices plan, run in the simulated cell, fail and recover: each device alone, and any of them together."""
 
+import itertools
 import json
 import random
 from pathlib import Path
@@ -120,3 +121,11 @@ def test_all_devices_in_one_cell_contradict_each_other_nowhere(tmp_path: Path) -
     assert load(tmp_path / "domain.yaml").domain.operators
     model, _ = load_faults(tmp_path / "domain.yaml")
     assert len(model.causes) > 50
+
+
+@pytest.mark.parametrize("devices", list(itertools.permutations(["capper", "dispenser", "conveyor"])))
+def test_a_probe_arrives_is_filled_and_is_closed_in_whatever_order_devices_are_named(
+    tmp_path: Path, devices: tuple[str, ...]
+) -> None:
+    written, _ = texts(tmp_path, "cell", devices)
+    assert "stages: inside(P, conveyor), filled(P, 5), capped(P), stored(P)" in written["problems/first.yaml"]
