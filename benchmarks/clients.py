@@ -1,24 +1,27 @@
 """A hundred cells that share one library in PostgreSQL: how long lookups take, and whether an update is lost.
 
-    python benchmarks/clients.py [--clients N] [--lookups N] [--every S] [--macrops N] [--points N] [--json FILE]
+    python benchmarks/clients.py [--clients N] [--lookups N] [--every S] [--macrops N] [--points N] [--warm N] [--ahead N] [--json FILE]
 
-Each client is a process with connections of its own. Every `--every` seconds on average it looks up a day of measuring on other points
-than it was learned with, and writes: it counts the use, counts a trial in a row that all share, adds a closed case, and moves a kept
-sequence that all share one visit on (it reads it, changes it, and writes it if nobody else has; else again). Every tenth time it stores a
-MACROP, too. The lookup is from the query to the plan, in seconds of the clock; the first one of a client, which fetches its part of the
-library, is told apart. Exits with 1 if the 99th percentile is above 20 ms, or if anything is lost.
+Each client is a process with connections of its own. It fetches its part of the library, reads `--ahead` MACROPs, and looks up `--warm`
+days: then it has in memory what a cell has that has run for a while. When all have done so, they begin. Every `--every` seconds on average
+a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use, counts a trial in a row that
+all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it, and writes it if nobody else
+has; else again). Every tenth time it stores a MACROP, too. The lookup is from the query to the plan, in seconds of the clock. The lookups
+of the beginning are told apart. Exits with 1 if the 99th percentile is above 20 ms, or if anything is lost.
 """
 
 import argparse
 import dataclasses
 import gc
 import json
+import math
+import multiprocessing
 import os
 import random
 import statistics
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,8 +30,9 @@ from macros import Bench, lessons
 from points import Day, again, different_days
 from postgres import server
 
-from engine.stages.macros.lookup.query import query
-from engine.stages.macros.lookup.repertoire import Repertoire, record_of
+from engine.stages.macros.lookup.lookup import Hit
+from engine.stages.macros.lookup.query import Query, query
+from engine.stages.macros.lookup.repertoire import AHEAD, Repertoire, record_of
 from kb.model.macro import Macrop
 from kb.store import Library, loads
 from kb.store.cases import Cases, ClosedCase
@@ -37,16 +41,26 @@ from kb.store.sequences import PlannedVisit, SequencePlan, Sequences
 from kb.terms import Function
 
 BAR_S, SEED, LEARNS = 0.020, 1, 10
+WAIT_S = 600.0  # for the last client to begin
 SHARED = ("shared", "visits")
 
 
 @dataclasses.dataclass
 class Told:
-    """What a client did: seconds of its lookups, those that found a plan, how often it wrote the shared sequence, and errors."""
+    """What a client did.
+
+    Seconds of its first lookup, of the others at the beginning and of those that count; how many of all and of those that count
+    found a plan; when they began and ended; how often it wrote; and errors.
+    """
 
     first_s: float = 0.0
+    warm_s: list[float] = dataclasses.field(default_factory=list)
     lookups_s: list[float] = dataclasses.field(default_factory=list)
+    uses: int = 0
     hits: int = 0
+    since: float = 0.0
+    until: float = 0.0
+    processor_s: float = 0.0
     moved: int = 0
     tries: int = 0
     learned: int = 0
@@ -54,33 +68,79 @@ class Told:
     error: str = ""
 
 
-def client(url: str, bench: Bench, days: Sequence[Day], number: int, asked: argparse.Namespace) -> Told:
-    """One client, until it has made its lookups."""
+@dataclasses.dataclass
+class Client:
+    """A cell with its connections, and what it has done so far."""
+
+    number: int
+    asked: argparse.Namespace
+    repertoire: Repertoire
+    library: Library
+    sequences: Sequences
+    cases: Cases
+    draw: random.Random
+    told: Told = dataclasses.field(default_factory=Told)
+
+    def warm_up(self, queries: Sequence[Query]) -> None:
+        """Fetch the library, read MACROPs ahead, and look up some days."""
+        self.repertoire.load()
+        self.repertoire.read_ahead(self.asked.ahead)
+        times = [self._found(each)[0] for each in queries]
+        self.told.first_s, self.told.warm_s = times[0] if times else 0.0, times[1:]
+        self.repertoire.flush()
+
+    def work(self, queries: Sequence[Query]) -> None:
+        """Look days up, from time to time, and write after each."""
+        self.told.since, spent = time.monotonic(), time.process_time()
+        for turn, each in enumerate(queries):
+            time.sleep(self.draw.expovariate(1.0 / self.asked.every))
+            lasted, hit = self._found(each)
+            self.told.lookups_s.append(lasted)
+            self.told.hits += hit is not None
+            self._write(turn, hit)
+        self.told.until, self.told.processor_s = time.monotonic(), time.process_time() - spent
+
+    def _found(self, asked: Query) -> tuple[float, Hit | None]:
+        began = time.perf_counter()
+        hit = self.repertoire.find(asked)
+        lasted = time.perf_counter() - began
+        self.told.uses += hit is not None
+        return lasted, hit
+
+    def _write(self, turn: int, hit: Hit | None) -> None:
+        self.repertoire.flush()
+        self.library.note_trial(*SHARED, hit is not None)
+        moved_on(self.sequences, self.told, f"{self.number}_{turn}")
+        told = ((f"c{self.number}", f"t{turn}"),)
+        self.cases.add([ClosedCase("shared", "late", ("slow",), 1.0, told)])
+        self.told.cases += 1
+        if hit is not None and turn % LEARNS == 0:
+            own = record_of(renamed(hit.macrop, self.number, turn))
+            self.told.learned += self.library.add([own])[0] is not None
+
+
+def client(
+    url: str,
+    bench: Bench,
+    days: Sequence[Day],
+    number: int,
+    asked: argparse.Namespace,
+    ready: Callable[[], object],
+) -> Told:
+    """One client, until it has made its lookups. It calls `ready` before those that count, and goes on when all have."""
     gc.set_threshold(100_000)  # as the commands do
-    draw, told = random.Random(f"{SEED} {number}"), Told()
-    queries = [
-        query(*bench.posed(again(draw.choice(days), draw, asked.points))) for _ in range(asked.lookups)
-    ]
+    draw = random.Random(f"{SEED} {number}")
+    count = asked.warm + asked.lookups
+    posed = (query(*bench.posed(again(draw.choice(days), draw, asked.points))) for _ in range(count))
+    queries = [each for each in posed if each is not None]
     gc.freeze()  # what the benchmark itself keeps in memory is none of lookup's concern
     with Library(url) as library, Sequences(url) as sequences, Cases(url) as cases:
         repertoire = Repertoire(library, bench.problem.domain)
-        for turn, each in enumerate(queries):
-            time.sleep(draw.expovariate(1.0 / asked.every))
-            assert each is not None
-            began = time.perf_counter()
-            hit = repertoire.find(each)
-            lasted = time.perf_counter() - began
-            told.lookups_s += [lasted] if turn else []
-            told.first_s = told.first_s or lasted
-            told.hits += hit is not None
-            repertoire.flush()
-            library.note_trial(*SHARED, hit is not None)
-            moved_on(sequences, told, f"{number}_{turn}")
-            cases.add([ClosedCase("shared", "late", ("slow",), 1.0, ((f"c{number}", f"t{turn}"),))])
-            told.cases += 1
-            if hit is not None and turn % LEARNS == 0:
-                told.learned += library.add([record_of(renamed(hit.macrop, number, turn))])[0] is not None
-    return told
+        one = Client(number, asked, repertoire, library, sequences, cases, draw)
+        one.warm_up(queries[: asked.warm])
+        ready()
+        one.work(queries[asked.warm :])
+    return one.told
 
 
 def renamed(macrop: Macrop, number: int, turn: int) -> Macrop:
@@ -130,23 +190,17 @@ def shared(documents: Sequence[str], clients: int) -> Iterator[str]:
         yield base.url
 
 
-def warmed(library: Library, bench: Bench, days: Sequence[Day]) -> None:
-    """Look up one day before the clients are forked, so that each has its cell in memory as one that has run for a while."""
-    asked = query(*bench.posed(again(days[0], random.Random(SEED), len(bench.problem.objects))))
-    assert asked is not None
-    Repertoire(library, bench.problem.domain).find(asked)
-
-
 def lost(url: str, told: Sequence[Told], before: int) -> list[str]:
     """What the library should hold and does not."""
     with Library(url) as library, Sequences(url) as sequences, Cases(url) as cases:
         figures, plan = library.figures(), sequences.of(*SHARED)
         successes, failures = library.trials(*SHARED)
         history = len(cases.history("shared"))
-    hits, lookups = sum(each.hits for each in told), sum(each.cases for each in told)
+    uses, hits = sum(each.uses for each in told), sum(each.hits for each in told)
+    lookups = sum(each.cases for each in told)
     moved = sum(each.moved for each in told)
     rows = {
-        "uses": (figures.uses, hits),
+        "uses": (figures.uses, uses),
         "trials": (successes + failures, lookups),
         "trials that succeeded": (successes, hits),
         "visits": (len({each.name for each in plan.done}) if plan else 0, moved),
@@ -156,6 +210,28 @@ def lost(url: str, told: Sequence[Told], before: int) -> list[str]:
     }
     wrong = [f"{name}: {there} for {wanted}" for name, (there, wanted) in rows.items() if there != wanted]
     return [*wrong, *(each.message for each in checked(url)[0]), *(each.error for each in told if each.error)]
+
+
+def summed(told: Sequence[Told]) -> dict[str, Any]:
+    """The figures of all clients. Processor seconds are those of the clients after the beginning, without the server's."""
+    times = sorted(each for one in told for each in one.lookups_s) or [math.inf]
+    warm = sorted(each for one in told for each in one.warm_s) or [0.0]
+    seconds = max(each.until for each in told) - min(each.since for each in told)
+    return {
+        "lookups": len(times),
+        "found": sum(each.hits for each in told),
+        "a second": round(len(times) / max(seconds, 1e-9), 1),
+        "median_ms": round(1000 * statistics.median(times), 2),
+        "p90_ms": round(1000 * times[int(len(times) * 0.90)], 2),
+        "p99_ms": round(1000 * times[int(len(times) * 0.99)], 2),
+        "max_ms": round(1000 * times[-1], 2),
+        "first_ms": round(1000 * statistics.median(each.first_s for each in told), 1),
+        "others of the beginning, median_ms": round(1000 * statistics.median(warm), 1),
+        "shared sequence written": sum(each.moved for each in told),
+        "of so many tries": sum(each.tries for each in told),
+        "learned": sum(each.learned for each in told),
+        "processor_s": round(sum(each.processor_s for each in told), 1),
+    }
 
 
 def main() -> int:
@@ -168,6 +244,8 @@ def main() -> int:
     parser.add_argument("--every", type=float, default=10.0)
     parser.add_argument("--macrops", type=int, default=300)
     parser.add_argument("--points", type=int, default=60)
+    parser.add_argument("--warm", type=int, default=20)
+    parser.add_argument("--ahead", type=int, default=AHEAD)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     days = different_days(asked.macrops, 14, SEED)
@@ -176,29 +254,11 @@ def main() -> int:
     with shared(documents, asked.clients) as url:
         with Library(url) as library:
             before = library.figures().macrops
-            warmed(library, bench, days)
-        began, spent = time.monotonic(), os.times()
-        told = list(heard(asked.clients, lambda number: client(url, bench, days, number, asked)))
-        seconds, after = time.monotonic() - began, os.times()
+        all_ready = multiprocessing.Barrier(asked.clients, timeout=WAIT_S)
+        told = list(heard(asked.clients, lambda n: client(url, bench, days, n, asked, all_ready.wait)))
         wrong = lost(url, told, before)
-    times = sorted(each for one in told for each in one.lookups_s)
-    row = {
-        "clients": asked.clients,
-        "MACROPs": before,
-        "lookups": len(times),
-        "found": sum(each.hits for each in told),
-        "a second": round(len(times) / seconds, 1),
-        "median_ms": round(1000 * statistics.median(times), 2),
-        "p99_ms": round(1000 * times[int(len(times) * 0.99)], 2),
-        "max_ms": round(1000 * times[-1], 2),
-        "first_ms": round(1000 * statistics.median(each.first_s for each in told), 1),
-        "shared sequence written": sum(each.moved for each in told),
-        "of so many tries": sum(each.tries for each in told),
-        "learned": sum(each.learned for each in told),
-        "processor_s": round(after.children_user + after.children_system - spent.children_user, 1),
-        "load before": round(load, 1),
-        "wrong": wrong,
-    }
+    row = {"clients": asked.clients, "MACROPs": before, **summed(told), "load before": round(load, 1)}
+    row["wrong"] = wrong
     print(json.dumps(row))
     if asked.json:
         asked.json.write_text(json.dumps(row, indent=1) + "\n", "utf-8")

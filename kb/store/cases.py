@@ -74,7 +74,7 @@ class Cases(Database):
             for each in closed
         ]
         if rows:
-            with transaction(self._engine, self.target, writes=True) as connection:
+            with transaction(self._engine, self.target, writes=True, apart=len(rows) == 1) as connection:
                 connection.execute(cases.insert(), rows)
 
     def history(self, domain: str, exception: str = "") -> tuple[ClosedCase, ...]:
@@ -97,7 +97,7 @@ class Cases(Database):
     def discount(self, domain: str, factor: float) -> None:
         """Multiply the weight of every case of a domain by a factor."""
         changed = update(cases).where(cases.c.domain == domain).values(weight=cases.c.weight * factor)
-        with transaction(self._engine, self.target, writes=True) as connection:
+        with transaction(self._engine, self.target, writes=True, apart=True) as connection:
             connection.execute(changed)
 
     def reset(self, domain: str) -> int:

@@ -2,11 +2,15 @@
 
 SQLite writers take the lock at the beginning, so that no other process can write between their reads and writes. Readers
 see one consistent state and block no one. If a process is killed, its last transaction is undone completely.
+
+Each message to PostgreSQL and back takes time, above all on a busy machine. Every statement sees a state of its own there. So a
+reader, or a writer with one statement, can do without begin and end: its statements stand apart.
 """
 
 import contextlib
 import logging
 import os
+import select
 import sqlite3
 import time
 import weakref
@@ -16,7 +20,7 @@ from typing import Any
 from urllib.parse import quote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, InvalidatePoolError, SQLAlchemyError
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
@@ -76,10 +80,27 @@ def connected(target: str, reads: bool = False) -> Engine:
     # a connection that cannot even be closed is told as the error of its statement; nobody needs a traceback of it
     logging.getLogger("sqlalchemy.pool").addHandler(logging.NullHandler())
     try:
-        return _noted(create_engine(url, pool_pre_ping=True))
+        engine = create_engine(url)
     except ModuleNotFoundError:
         hint = "install the extra: pip install 'cellwright[postgres]'"
         raise refusal("--store", "the driver for PostgreSQL is not installed", hint, "K414") from None
+    event.listen(engine, "checkout", _require_silent)
+    return _noted(engine)
+
+
+def _require_silent(raw: Any, _record: object, _proxy: object) -> None:
+    """Replace a connection that has ended while nobody used it. A server says nothing unasked but that."""
+    if raw.closed or _is_readable(raw.fileno()):
+        raise InvalidatePoolError("the connection has ended")
+
+
+def _is_readable(socket: int) -> bool:
+    """Whether something has come from the other end, or the other end is gone."""
+    if not hasattr(select, "poll"):
+        return bool(select.select([socket], [], [], 0)[0])
+    poll = select.poll()
+    poll.register(socket, select.POLLIN)
+    return bool(poll.poll(0))
 
 
 def _sqlite(url: URL, reads: bool) -> Engine:
@@ -158,10 +179,15 @@ def write_ahead(engine: Engine) -> None:
 
 
 @contextlib.contextmanager
-def transaction(engine: Engine, where: str, writes: bool = False) -> Iterator[Connection]:
-    """One transaction, undone after any error. Raises `InvalidInput` if the database reports an error."""
+def transaction(
+    engine: Engine, where: str, writes: bool = False, apart: bool = False
+) -> Iterator[Connection]:
+    """One transaction, undone after any error. Raises `InvalidInput` if the database reports an error.
+
+    Its statements may stand `apart`: one that writes must be the only one. Then PostgreSQL is told no begin and no end.
+    """
     try:
-        with engine.connect().execution_options(writes=writes) as connection, connection.begin():
+        with _connection(engine, writes, apart) as connection, connection.begin():
             yield connection
     except (SQLAlchemyError, UnicodeDecodeError) as error:
         cause = getattr(error, "orig", None) or error
@@ -171,6 +197,12 @@ def transaction(engine: Engine, where: str, writes: bool = False) -> Iterator[Co
             f"the library cannot be used: {said}",
             "check that it is a library and that you may write it; `cellwright store check` looks for damage",
         ) from error
+
+
+def _connection(engine: Engine, writes: bool, apart: bool) -> Connection:
+    if engine.dialect.name == "sqlite":
+        return engine.connect().execution_options(writes=writes)
+    return engine.connect().execution_options(isolation_level="AUTOCOMMIT") if apart else engine.connect()
 
 
 def lock(connection: Connection, key: int) -> None:

@@ -106,7 +106,7 @@ class Library(Database):
         where = (macrops.c.domain == domain) & (macrops.c.id > above)
         if signature is not None:
             where &= macrops.c.signature == signature
-        with transaction(self._engine, self.target) as connection:
+        with transaction(self._engine, self.target, apart=True) as connection:
             return self._shared.outlines(connection, where)
 
     def note_outlines(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
@@ -152,7 +152,7 @@ class Library(Database):
 
     def macrop(self, number: int) -> Macrop | None:
         """One MACROP by its number, without its uses."""
-        with transaction(self._engine, self.target) as connection:
+        with transaction(self._engine, self.target, apart=True) as connection:
             own = select(macrops.c.document, macrops.c.fingerprint).where(macrops.c.id == number)
             row = connection.execute(own).first()
         return self._parsed(number, *row) if row is not None else None
@@ -214,12 +214,12 @@ class Library(Database):
     def note_uses(self, uses: Mapping[int, Use]) -> None:
         """Add uses to MACROPs."""
         if uses and self.writable:
-            self._written(lambda connection: add_uses(connection, uses))
+            self._written(lambda connection: add_uses(connection, uses), len(uses) == 1)
 
     def trials(self, domain: str, signature: str) -> tuple[int, int]:
         """How often plans for goals of one signature could be composed of MACROPs, and how often not."""
         own = (trials.c.domain == domain) & (trials.c.signature == signature)
-        with transaction(self._engine, self.target) as connection:
+        with transaction(self._engine, self.target, apart=True) as connection:
             row = connection.execute(select(trials.c.successes, trials.c.failures).where(own)).first()
         return (int(row[0]), int(row[1])) if row else (0, 0)
 
@@ -227,7 +227,7 @@ class Library(Database):
         """Count one more attempt to compose a plan."""
         if self.writable:
             counts = (int(success), int(not success))
-            self._written(lambda connection: add_trials(connection, domain, signature, *counts))
+            self._written(lambda connection: add_trials(connection, domain, signature, *counts), apart=True)
 
     def utilities(self, domain: str = "") -> dict[tuple[int, str], Utility]:
         """The usefulness of all sub-sequences, or of those of one domain if it is named."""
@@ -239,9 +239,9 @@ class Library(Database):
         if more:
             self._written(lambda connection: add_figures(connection, more))
 
-    def _written(self, write: Callable[[Connection], None]) -> None:
+    def _written(self, write: Callable[[Connection], None], apart: bool = False) -> None:
         def whole() -> None:
-            with transaction(self._engine, self.target, writes=True) as connection:
+            with transaction(self._engine, self.target, writes=True, apart=apart) as connection:
                 write(connection)
 
         self.kept(whole)

@@ -57,7 +57,7 @@ class Sequences(Database):
     def of(self, domain: str, problem: str) -> SequencePlan | None:
         """The plan for a problem; None if none is stored."""
         mine = (sequences.c.domain == domain) & (sequences.c.problem == problem)
-        with transaction(self._engine, self.target) as connection:
+        with transaction(self._engine, self.target, apart=True) as connection:
             row = connection.execute(select(sequences.c.document, sequences.c.version).where(mine)).first()
         if row is None:
             return None
@@ -76,7 +76,7 @@ class Sequences(Database):
             "document": _document(plan),
         }
         mine = (sequences.c.domain == plan.domain) & (sequences.c.problem == plan.problem)
-        with transaction(self._engine, self.target, writes=True) as connection:
+        with transaction(self._engine, self.target, writes=True, apart=True) as connection:
             if plan.version:
                 change = sequences.update().where(mine & (sequences.c.version == plan.version)).values(**row)
                 return connection.execute(change).rowcount == 1

@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import signal
 import sqlite3
 import time
@@ -10,7 +11,9 @@ from pathlib import Path
 
 import pytest
 from macrops import macrop
+from sqlalchemy import text
 
+from benchmarks.postgres import emptied
 from kb.diagnostics import InvalidInput
 from kb.store import Library, Record, Use
 from kb.store import schema as tables
@@ -177,3 +180,37 @@ def test_a_broken_document_is_told_with_the_way_out(tmp_path: Path) -> None:
         with pytest.raises(InvalidInput, match="forget 1"):
             library.all()
         assert library.forget([1]) == 1
+
+
+def test_a_connection_that_ended_while_nobody_used_it_is_replaced(postgres: str) -> None:
+    emptied(postgres)
+    with Library(postgres) as library:
+        library.add([record("go")])
+        with transaction(library._engine, postgres) as connection:
+            own = connection.execute(text("SELECT pg_backend_pid()")).scalar_one()
+        other = connected(postgres)
+        with transaction(other, postgres) as connection:
+            ended = text(f"SELECT pg_terminate_backend({own}, 5000)")
+            assert connection.execute(ended).scalar_one()
+        other.dispose()
+        assert library.macrop(1) == macrop("go")
+        library.note_uses({1: Use(2, 0.0)})
+        assert library.figures().uses == 2
+
+
+def test_the_server_is_asked_once_for_a_macrop_and_once_for_each_count(postgres: str, tmp_path: Path) -> None:
+    emptied(postgres)
+    with Library(postgres) as library:
+        library.add([record("go")])
+        with transaction(library._engine, postgres) as connection:
+            raw = connection.connection.driver_connection
+        with (tmp_path / "trace").open("w") as file:
+            raw.pgconn.trace(file.fileno())
+            assert library.macrop(1) == macrop("go")
+            library.note_uses({1: Use(1, 0.0)})
+            library.note_trial("bulkhead", "go/0", True)
+            raw.pgconn.untrace()
+    asked = [
+        line for line in (tmp_path / "trace").read_text().splitlines() if re.search(r"\t(Query|Sync)", line)
+    ]
+    assert len(asked) == 3

@@ -150,23 +150,29 @@ class Layered(Facts):
 class GivenFacts(Facts):
     """Facts that someone else has evaluated. Each predicate is read when it is first asked for; nothing is changed."""
 
-    __slots__ = ("_asked", "_holds", "_read")
+    __slots__ = ("_asked", "_holds", "_read", "_told")
 
     def __init__(self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]) -> None:
         """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
         super().__init__()
         self._read, self._holds = read, holds
         self._asked: dict[str, int] = {}
+        self._told: dict[Atom, bool] = {}
 
     def __contains__(self, atom: Atom) -> bool:
         """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
         known = self._extents.get(atom.name)
-        if known is None:
-            asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
-            if asked <= SINGLY:
-                return self._holds(atom)
-            known = self._extent(atom.name)
-        return atom in known.atoms
+        if known is not None:
+            return atom in known.atoms
+        told = self._told.get(atom)
+        return told if told is not None else self._tell(atom)
+
+    def _tell(self, atom: Atom) -> bool:
+        asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
+        if asked > SINGLY:
+            return atom in self._extent(atom.name).atoms
+        told = self._told[atom] = self._holds(atom)
+        return told
 
     def _extent(self, name: str) -> Extent:
         if name not in self._extents:

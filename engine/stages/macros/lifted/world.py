@@ -47,6 +47,8 @@ class CellDomain:
         self.domain: Domain = problem.domain
         self.schemas = schemas if schemas is not None else Schemas(problem.domain)
         self.ground_step = lru_cache(KEPT)(self._ground_step)
+        self.fitting: dict[tuple[str, Atom], tuple[Term, ...] | None] = {}
+        """What lookup found out with the statics alone, for goals of MACROPs and goals of queries."""
         self._plain: dict[str, bool] = {}
         self._stratified: tuple[Rule, ...] | None = None
         self._strata: list[list[Rule]] = []

@@ -52,6 +52,9 @@ def check(plan: Plan, asked: Query) -> Situation | Refusal:
 
 def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:
     """Which chain of the workflow is not worked through, as soon as possible and in order; or nothing."""
+    if not asked.chains:
+        event = next((event for change in run.changes.values() for event in change.events), None)
+        return f"{event} is not the next stage of any chain" if event is not None else ""
     facts = asked.facts
     late, reached = late_stages(asked.chains, asked.world.domain), begun(asked.chains, holding(facts))
     for step in plan.steps:

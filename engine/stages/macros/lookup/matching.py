@@ -17,9 +17,21 @@ from kb.arithmetic import compare
 from kb.model.conditions import Comparison, Literal, Parameter
 from kb.model.macro import MacroChain
 from kb.model.problem import Chain
-from kb.terms import ANYTHING, Function, Term, Text, Variable, is_ground, match, substitute, substitute_atom
+from kb.terms import (
+    ANYTHING,
+    Atom,
+    Function,
+    Term,
+    Text,
+    Variable,
+    is_ground,
+    match,
+    substitute,
+    substitute_atom,
+)
 
 MAX_WORK = 5_000
+REMEMBERED = 1 << 16  # goals whose values are remembered
 
 
 class OutOfWork(Exception):
@@ -100,9 +112,25 @@ class _Assignment:
         tests = _Matching((), self.asked, self.work)
         for number, goal in enumerate(self.asked.goals):
             self.work.spend()
-            found = match(wanted.part.atom, goal.atom, {}) if goal.positive == wanted.part.positive else None
-            if found is not None and all(tests.test(item, found) for item in wanted.tests):
-                yield number, tuple(found[variable] for variable in wanted.variables)
+            values = self._known(wanted, goal.atom, tests) if goal.positive == wanted.part.positive else None
+            if values is None:
+                continue
+            found = dict(zip(wanted.variables, values, strict=True)) if wanted.changing else {}
+            if all(tests.test(item, found) for item in wanted.changing):
+                yield number, values
+
+    def _known(self, wanted: Wanted, goal: Atom, tests: "_Matching") -> tuple[Term, ...] | None:
+        """The values of the variables if a goal fits, as far as the statics decide: queries in one cell have the same goals."""
+        known, key = self.asked.world.fitting, (wanted.fixed_key, goal)
+        if key not in known:
+            if len(known) >= REMEMBERED:
+                known.clear()
+            found = match(wanted.part.atom, goal, {})
+            fits = found is not None and all(tests.test(item, found) for item in wanted.fixed)
+            known[key] = (
+                tuple(found[each] for each in wanted.variables) if found is not None and fits else None
+            )
+        return known[key]
 
     def _given(
         self,

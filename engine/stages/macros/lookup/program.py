@@ -33,11 +33,17 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """A goal with the tests on its variables alone. Goals with equal `key` fit the same goals of a query."""
+    """A goal with the tests on its variables alone.
+
+    Those that are `fixed` ask the statics, those that are `changing` the state. Goals with equal `key` fit the same goals of a
+    query; those with equal `fixed_key` do so as far as the statics decide.
+    """
 
     part: Literal
     variables: tuple[Variable, ...]
-    tests: tuple[Item, ...]
+    fixed: tuple[Item, ...]
+    changing: tuple[Item, ...]
+    fixed_key: str
     key: str
 
 
@@ -77,13 +83,17 @@ class Program:
             _ordered([], [each for each in self.tests if not each.variables <= self._bound], self._bound)
         )
 
+    def prepare(self) -> None:
+        """Compute now what matching asks for."""
+        _ = (self.between, self.rest) if not self.macrop.chains else self.items
+
     @cached_property
     def _bound(self) -> set[Variable]:
         return {variable for goal in self.wanted for variable in goal.variables}
 
     @cached_property
     def _own(self) -> set[int]:
-        return {id(item) for goal in self.wanted for item in goal.tests}
+        return {id(item) for goal in self.wanted for item in (*goal.fixed, *goal.changing)}
 
 
 def _goals(macrop: Macrop) -> list[Item]:
@@ -102,8 +112,14 @@ def _wanted(goal: Item, tests: Iterable[Item]) -> Wanted:
     order = tuple(dict.fromkeys(variables_of(goal.part.atom)))
     own = tuple(item for item in tests if item.variables and item.variables <= goal.variables)
     names = {variable: Variable(f"V{number}") for number, variable in enumerate(order)}
-    said = [f"{item.kind} {_renamed(item.part, names)}" for item in (goal, *own)]
-    return Wanted(goal.part, order, own, "\n".join(said))
+    fixed = tuple(item for item in own if item.kind != "state")
+    changing = tuple(item for item in own if item.kind == "state")
+    fixed_key, rest = (_said(items, names) for items in ((goal, *fixed), changing))
+    return Wanted(goal.part, order, fixed, changing, fixed_key, f"{fixed_key}\n{rest}")
+
+
+def _said(items: Iterable[Item], names: Mapping[Variable, Variable]) -> str:
+    return "\n".join(f"{item.kind} {_renamed(item.part, names)}" for item in items)
 
 
 def _renamed(part: Literal | Parameter | Comparison | MacroChain, names: Mapping[Variable, Variable]) -> str:

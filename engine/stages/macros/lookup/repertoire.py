@@ -3,6 +3,7 @@
 They are fetched by goal signature, at the first query with that signature. Stale ones are left out.
 """
 
+import itertools
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import replace
@@ -19,6 +20,7 @@ from kb.store import Library, Outline, Record, Use
 
 FLUSH = 1024  # uses that are noted in memory before they are written to the library
 DOUBT_S = 1.0
+AHEAD = 2_000  # MACROPs; each takes about 35 kB of memory
 
 
 class Repertoire:
@@ -37,6 +39,7 @@ class Repertoire:
         self._index = Index()
         self._seen: dict[str, int] = {}
         self._fresh: dict[int, bool] = {}
+        self._ahead: dict[int, Macrop] = {}
         self._uses: dict[int, Use] = {}
         self._noted = 0
         self._since = clock()
@@ -49,6 +52,20 @@ class Repertoire:
         for each in self._whole(self.library.outlines(self.domain.name)):
             self._seen[each.signature] = max(self._seen.get(each.signature, 0), each.id)
             self._put(each)
+
+    def read_ahead(self, most: int = AHEAD) -> int:
+        """Read the MACROPs that were fetched, at most so many, and prepare them. Returns how many were read.
+
+        For programs that look up for a long time, before somebody waits for them: their lookups ask the library less often.
+        """
+        first = list(itertools.islice((entry for entry in self._index.entries() if not entry.is_read), most))
+        numbers = [number for entry in first if isinstance(number := entry.key, int)]
+        self._ahead = {each.id: each.macrop for each in self.library.among(numbers)}
+        for entry in first:
+            if entry.program is not None:
+                entry.program.prepare()
+        self._ahead.clear()
+        return len(first)
 
     def find(self, asked: Query) -> Hit | None:
         """A checked plan from the library, also from MACROPs that other processes have added since.
@@ -146,8 +163,11 @@ class Repertoire:
             self._fresh[each.proof] = self._digests.fresh(each.depends)
         if each.id not in self._index and pays(each) and self._fresh[each.proof]:
             order = rank(each.id, each.name, each.cost, each.steps)
-            entry = Entry(each.id, order, partial(self.library.macrop, each.id))
+            entry = Entry(each.id, order, partial(self._macrop, each.id))
             self._index.put(each.signature, entry, each.requirements or ())
+
+    def _macrop(self, number: int) -> Macrop | None:
+        return self._ahead.pop(number, None) or self.library.macrop(number)
 
     def _note(self, key: Hashable, times: int) -> None:
         """Note a use of a MACROP, and the time since the last use was noted."""

@@ -140,6 +140,23 @@ def test_another_process_serves_what_one_has_learned(points: Problem, tmp_path: 
         assert library.figures().uses == 1
 
 
+def test_what_was_read_ahead_is_looked_up_without_asking_the_library(
+    points: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = str(tmp_path / "library.db")
+    goals = [f"measured(_, _, meas(m{n}))" for n in (2, 3)]
+    assert work_through(points, goals, tmp_path) == ["planner", "library"]
+    with Library(target) as library, Practice(library) as practice:
+        repertoire = practice.repertoire(points.domain)
+        repertoire.load()
+        assert repertoire.read_ahead(most=0) == 0
+        assert repertoire.read_ahead() == len(repertoire) > 0
+        assert repertoire.read_ahead() == 0
+        for each in ("macrop", "outlines", "among"):
+            monkeypatch.delattr(Library, each)
+        assert practice.plan(asked(points, goals[1])).origin == "library"
+
+
 def test_what_is_infeasible_is_not_learned(points: Problem, tmp_path: Path) -> None:
     heavy = dataclasses.replace(points, statics=tuple(s for s in points.statics if s.name != "needs"))
     with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
