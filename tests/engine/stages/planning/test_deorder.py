@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import replace
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -184,3 +185,29 @@ def test_a_condition_that_two_internal_steps_need_is_linked_once() -> None:
     notes = [GroundOperator(Function(f"_note{n}"), bitset([0]), bitset([n]), 0) for n in (1, 2)]
     plan = deorder(task_of(make, *notes, atoms=atoms), [make, *notes], bitset([0, 1, 2]))
     assert len(plan.links) == 1
+
+
+def test_an_internal_condition_that_holds_at_first_is_linked_to_nothing() -> None:
+    atoms = (Function("p"), Function("_ready"))
+    make = operator("make", {1}, {0})
+    plan = deorder(task_of(make, initial=bitset([1]), atoms=atoms), [make], bitset([0, 1]))
+    assert [str(link.condition) for link in plan.links] == ["p"]
+
+
+@pytest.mark.parametrize(
+    ("initial", "starts", "producer"),
+    [
+        ((), (0, 4, 7), 1),  # both have ended: the earlier one
+        ((), (0, 3, 5), 2),  # the first ends at 6
+        ((), (2, 4, 6), 2),  # the other ends as the consumer starts
+        ((), (1, 4, 5), 1),  # none has ended: the earlier one
+        ((0,), (9, 9, 0), START),  # the initial state is always there
+    ],
+)
+def test_with_starts_a_condition_is_linked_to_a_step_that_has_ended(
+    initial: tuple[int, ...], starts: tuple[int, ...], producer: StepId
+) -> None:
+    long, short = operator("long", set(), {0}), operator("short", set(), {0})
+    steps = [replace(long, duration=6), replace(short, duration=2), operator("use", {0}, {1})]
+    plan = deorder(task_of(*steps, initial=bitset(initial)), steps, bitset([1]), starts)
+    assert [link.producer for link in plan.links if link.consumer == 3] == [producer]

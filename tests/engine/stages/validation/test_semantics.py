@@ -189,6 +189,28 @@ def test_derived_predicates_are_closed_before_what_they_leave_out_is_read(
     assert found == ([] if whole else ["K501: step 2 end: whole does not hold when it starts"])
 
 
+LADDER = """shown(I) :- first(I).
+told(I) :- shown(I).
+heard :- told(I), joined(I, J).
+"""
+
+
+def test_what_follows_from_derived_atoms_alone_is_derived() -> None:
+    text = STRATA.replace("linked(item): {}", "shown(item): {}, told(item): {}, heard: {}")
+    posed = problem(
+        "tried",
+        (),
+        text.replace(", apart(item): {}, whole: {}", "").replace("whole", "heard"),
+        statics=("joined(b, c)",),
+        rules=LADDER,
+    )
+    told = Semantics(posed)
+    for first, heard in (("a", False), ("b", True)):
+        facts = told.facts([atom(f"first({first})")])
+        assert {str(each) for each in facts.named("told")} == {f"told({first})"}
+        assert (atom("heard") in facts) == heard
+
+
 def test_what_a_derived_condition_rests_on_is_watched() -> None:
     posed = problem("tried", (), STRATA, statics=("joined(a, b)", "joined(b, c)"), rules=RULES)
     begun = (step(1, "begin(a)"), step(2, "begin(c)"), step(3, "end", 1))
