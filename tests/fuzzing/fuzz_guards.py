@@ -135,5 +135,5 @@ def _told(error: BaseException) -> str:
         if "/fuzzing/" not in code.co_filename:
             places.append(f"{os.path.basename(code.co_filename)}:{trace.tb_lineno}")
         trace = trace.tb_next
-    text = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+    text = " ".join(f"{type(error).__name__}: {error}".split())[:600]
     return f"{text} [{' '.join(places[-3:])}]"

@@ -79,6 +79,7 @@ def test_two_things_are_told_wherever_they_are_and_whatever_is_elsewhere(
     (found,) = told(tmp_path, third, problem=problem)
     assert found.code == "K314"
     assert f"but free({full}) allows only one of them" in found.message
+    assert found.warning
 
 
 def test_a_place_that_nothing_needs_to_be_free_takes_several_things(tmp_path: Path) -> None:
@@ -113,6 +114,8 @@ def test_what_is_missing_at_the_start_is_named_and_nothing_else(
     problem = f"complete: true\ninitial:\n  - {fact}\ngoals:\n  - at(bolt, bin)\n"
     (found,) = [each for each in told(tmp_path, *changes, problem=problem) if each.code == "K313"]
     assert found.hint == hint
+    assert found.warning
+    assert "any other problem" not in found.message
 
 
 def test_two_things_with_one_home_are_told_wherever_they_begin(tmp_path: Path) -> None:
