@@ -43,7 +43,7 @@ MODULES: dict[
         (
             *(
                 f"{DIAGNOSIS}/test_{name}.py"
-                for name in ("reach", "revision", "conversations", "knowledge", "circuits")
+                for name in ("lookahead", "revision", "conversations", "knowledge", "circuits")
             ),
             *(
                 f"{DIAGNOSIS}/test_{name}.py"

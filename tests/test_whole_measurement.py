@@ -224,7 +224,7 @@ def test_the_parts_are_there_and_their_figures_have_names_of_their_own() -> None
 
 def test_every_benchmark_is_a_part() -> None:
     """Those that are no benchmark of their own are read by others, make pictures, or belong to this measurement."""
-    helped = {"screenshots", "mutants", "limits_work", "inspection_patches"}
+    helped = {"screenshots", "mutants", "mutation_runs", "limits_work", "inspection_patches"}
     files = {
         path.stem
         for path in (TOP / "benchmarks").glob("*.py")

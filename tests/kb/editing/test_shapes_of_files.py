@@ -18,7 +18,7 @@ UNNAMED = {
     "quantity", "range", "ranging", "readings", "relevance", "reply", "restrictions", "ring", "risk",
     "rpy", "say", "settings", "shapes", "sight", "slides", "slip", "smoothing", "solid", "speed",
     "sphere", "srdf", "starts", "stop", "stops", "swings", "takes", "tells", "tilts", "tools", "tube",
-    "turns", "undesirable", "unit", "units", "urdf",
+    "turn", "turns", "undesirable", "unit", "units", "urdf",
 }  # fmt: skip
 """Keys whose values name nothing that a domain declares, or name it in a form of their own."""
 
