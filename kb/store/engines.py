@@ -200,9 +200,12 @@ def transaction(
 
 
 def _connection(engine: Engine, writes: bool, apart: bool) -> Connection:
-    if engine.dialect.name == "sqlite":
-        return engine.connect().execution_options(writes=writes)
-    return engine.connect().execution_options(isolation_level="AUTOCOMMIT") if apart else engine.connect()
+    made = engine.connect().execution_options(writes=writes)
+    return (
+        made.execution_options(isolation_level="AUTOCOMMIT")
+        if apart and engine.dialect.name != "sqlite"
+        else made
+    )
 
 
 def lock(connection: Connection, key: int) -> None:
