@@ -68,6 +68,8 @@ class Grounder:
 
         Raises `AspError`, and what `kb.asp.bounded` raises where that takes too long.
         """
+        if not text or text.isspace():
+            return
         self._parts += 1
         self._read.clear()
         part = f"part_{self._parts}"
@@ -143,10 +145,14 @@ class Grounder:
 
 def _fact(symbol: clingo.Symbol) -> Function:
     """An atom. Most are read from their text, which clingo writes in less time than it gives arguments one by one."""
-    plain = plain_terms(str(symbol))
+    text = str(symbol)
+    bare = text.lstrip("_")  # what grounding invents has names with a bar in front, which is no plain name
+    plain = plain_terms(bare)
     found = plain[0] if plain is not None else term(symbol)
     assert isinstance(found, Function)
-    return found
+    return (
+        found if plain is None or bare == text else Function(text[: -len(bare)] + found.name, found.arguments)
+    )
 
 
 def term(symbol: clingo.Symbol) -> Term:
