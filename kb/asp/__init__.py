@@ -11,7 +11,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 import clingo
 
 from kb.asp.bounded import run_bounded
-from kb.asp.suspicion import suspicion
 from kb.asp.tables import Table, table
 from kb.plain_terms import plain_terms
 from kb.terms import Function, Number, Term, Text, is_ground
@@ -186,6 +185,8 @@ def ground_term(text: str) -> Term:
     plain = plain_terms(text)
     if plain is not None and len(plain) == 1 and is_ground(plain[0]):
         return plain[0]
+    from kb.asp.suspicion import suspicion  # few texts are not plain
+
     if (found := suspicion(text)) is not None:
         raise AspError([(1, found.offset + 1, found.message)])
     messages = Messages()

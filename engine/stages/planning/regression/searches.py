@@ -6,7 +6,6 @@ that a restart takes another way.
 
 import heapq
 import itertools
-import random
 from collections.abc import Iterator, Sequence
 
 from engine.model.task import Bits
@@ -14,6 +13,7 @@ from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.regression.expansion import Successor
 from engine.stages.planning.regression.space import Backward, Node
 from engine.stages.planning.relaxed import FAR
+from engine.stages.planning.ties import chance
 
 OPEN = 3  # the place of the open conditions in a successor
 
@@ -26,7 +26,7 @@ class Climb:
 
     def __init__(self, space: Backward, root: Node, seed: int = 0) -> None:
         self.space, self.root = space, root
-        self._random = random.Random(seed) if seed else None
+        self._random = chance(seed)
         self._closed: set[Bits] = {root.open}
         self._stack: list[tuple[Node, Iterator[Successor]]] | None = None
 
