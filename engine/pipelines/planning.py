@@ -93,13 +93,17 @@ def _settled(gate: PlanGate, problem: Problem, plan: Plan, ordered: bool) -> tup
     """What the gate tells of a plan. One that is to be `ordered` is so before, so that it is checked only once."""
     if not ordered or any(step.duration for step in plan.steps):
         return gate.settled(problem, plan)
-    other = in_the_order_said(gate.semantics(problem), plan, lambda _: True)
-    if other is plan:
-        return gate.settled(problem, plan)
-    if not gate.findings(problem, other):
-        return other, []
+    proposed: list[Plan] = []  # ever more objects at their turn
+
+    def noted(other: Plan) -> bool:
+        proposed.append(other)
+        return True
+
+    in_the_order_said(gate.semantics(problem), plan, noted)
+    if proposed and not gate.findings(problem, proposed[-1]):
+        return proposed[-1], []
     made, wrong = gate.settled(problem, plan)
-    return (made if wrong else _ordered(gate, problem, made)), wrong
+    return (_ordered(gate, problem, made) if len(proposed) > 1 and not wrong else made), wrong
 
 
 def in_the_order_named(problem: Problem, plan: Plan) -> Plan:
