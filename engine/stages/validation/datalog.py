@@ -35,9 +35,11 @@ from kb.terms import (
     match,
     substitute,
     substitute_atom,
+    variables,
 )
 
 Bindings = Mapping[Variable, Term]
+_VALUE = Function("value")  # stands for what a variable will be
 
 
 def solve(
@@ -53,6 +55,38 @@ def solve(
     part, rest = _next(body, bindings) if len(body) > 1 else (body[0], ())
     for extended in _part(part, facts, bindings, below or facts):
         yield from solve(rest, facts, extended, below)
+
+
+def in_order(body: Body, bound: Iterable[Variable]) -> Body:
+    """The parts of a body in the order in which they are solved once some variables have values."""
+    found: list[BodyPart] = []
+    known: dict[Variable, Term] = dict.fromkeys(bound, _VALUE)
+    while body:
+        part, body = _next(body, known)
+        found.append(part)
+        known |= dict.fromkeys(_named(part), _VALUE)
+    return tuple(found)
+
+
+def _named(part: BodyPart) -> Iterator[Variable]:
+    """The variables that have values once a literal or a comparison is solved."""
+    match part:
+        case Literal(atom):
+            terms: tuple[Term, ...] = (atom,)
+        case Comparison(left, _, right):
+            terms = (left, right)
+        case _:
+            raise TypeError(f"the order of a body with aggregates is not decided beforehand: {part}")
+    return (each for term in terms for each in variables(term) if each.name != "_")
+
+
+def solutions(ordered: Body, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
+    """`solve` for a body that is in order already."""
+    if not ordered:
+        yield bindings
+        return
+    for extended in _part(ordered[0], facts, bindings, facts):
+        yield from solutions(ordered[1:], facts, extended)
 
 
 def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:

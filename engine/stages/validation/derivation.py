@@ -4,11 +4,12 @@ evaluated in each state by counting what their instances still miss.
 The checker's own: it shares no code with grounding or search.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from engine.stages.validation.datalog import Bindings, solve
 from engine.stages.validation.facts import Facts
+from engine.stages.validation.joins import Join, join
 from kb.model.conditions import Body, Literal, StateAggregate, literals
 from kb.model.domain import Rule
 from kb.terms import Atom, is_ground, match, substitute_atom
@@ -31,10 +32,24 @@ class _Stratum:
     """The rules of predicates that depend on one another, and their instances."""
 
     rules: Sequence[Rule]
-    counting: Sequence[Rule] = ()  # those with aggregates, which are evaluated in each state
+    counting: Sequence[Rule]  # those with aggregates, which are evaluated in each state
+    joins: Sequence[Join]
+    read: Sequence[str]  # the predicates of what instances need
     instances: list[Instance] = field(default_factory=list)
-    users: dict[Atom, list[Instance]] = field(default_factory=dict)
+    counts: list[int] = field(default_factory=list)  # how many atoms each instance needs
+    free: list[int] = field(default_factory=list)  # the instances that need none
+    users: dict[Atom, list[int]] = field(default_factory=dict)
     known: set[tuple[Atom, tuple[Atom, ...], tuple[Atom, ...]]] = field(default_factory=set)
+
+    def keep(self, made: Instance) -> None:
+        """Keep an instance of a rule."""
+        needs = dict.fromkeys(made.needs)
+        for atom in needs:
+            self.users.setdefault(atom, []).append(len(self.instances))
+        if not needs:
+            self.free.append(len(self.instances))
+        self.counts.append(len(needs))
+        self.instances.append(made)
 
 
 class Derivation:
@@ -44,8 +59,8 @@ class Derivation:
     """
 
     def __init__(self, strata: Iterable[Sequence[Rule]], statics: Facts, dynamic: Collection[str]) -> None:
-        self._strata = [_stratum(rules) for rules in strata]
         self._dynamic = dynamic
+        self._strata = [self._stratum(rules) for rules in strata]
         self._possible = Facts((), statics)
         self._started = False
         rules = [rule for each in self._strata for rule in (*each.rules, *each.counting)]
@@ -99,29 +114,15 @@ class Derivation:
             by_name: dict[str, list[Atom]] = {}
             for atom in waiting:
                 by_name.setdefault(atom.name, []).append(atom)
-            waiting = [atom for rule in stratum.rules for atom in self._follow(stratum, rule, by_name)]
+            new = frozenset(waiting)
+            waiting = []
+            for each in stratum.joins:
+                if of_name := by_name.get(each.condition.name):
+                    waiting += self._note(stratum, each.rule, each.bindings(of_name, new, self._possible))
             found += waiting
         return found
 
-    def _follow(self, stratum: _Stratum, rule: Rule, fresh: dict[str, list[Atom]]) -> list[Atom]:
-        """What is new by a rule with one of its conditions among fresh atoms."""
-        found: list[Atom] = []
-        body = self._static(rule.body)
-        for place, part in enumerate(body):
-            if (
-                isinstance(part, Literal)
-                and part.positive
-                and part.atom.name in fresh
-                and self._changes(part)
-            ):
-                rest = body[:place] + body[place + 1 :]
-                for atom in fresh[part.atom.name]:
-                    bindings = match(part.atom, atom, {})
-                    if bindings is not None:
-                        found += self._note(stratum, rule, solve(rest, self._possible, bindings))
-        return found
-
-    def _note(self, stratum: _Stratum, rule: Rule, found: Iterator[Bindings]) -> list[Atom]:
+    def _note(self, stratum: _Stratum, rule: Rule, found: Iterable[Bindings]) -> list[Atom]:
         """Keep the instances of a rule under some bindings. Returns the heads that are new."""
         fresh = []
         literals = [part for part in rule.body if isinstance(part, Literal) and self._changes(part)]
@@ -132,13 +133,20 @@ class Derivation:
             if (head, needs, excludes) in stratum.known:
                 continue
             stratum.known.add((head, needs, excludes))
-            made = Instance(head, needs, excludes)
-            stratum.instances.append(made)
-            for atom in set(needs):
-                stratum.users.setdefault(atom, []).append(made)
+            stratum.keep(Instance(head, needs, excludes))
             if self._possible.add(head):
                 fresh.append(head)
         return fresh
+
+    def _stratum(self, rules: Sequence[Rule]) -> _Stratum:
+        counting = [rule for rule in rules if any(isinstance(part, StateAggregate) for part in rule.body)]
+        plain = [rule for rule in rules if rule not in counting]
+        joins: list[Join] = []
+        for rule in plain:
+            body = self._static(rule.body)
+            places = [place for place, part in enumerate(body) if self._changes(part)]
+            joins += [join(rule, body, place, places) for place in places]
+        return _Stratum(plain, counting, joins, sorted({each.condition.name for each in joins}))
 
     def _changes(self, part: object) -> bool:
         return isinstance(part, Literal) and part.atom.name in self._dynamic
@@ -146,11 +154,6 @@ class Derivation:
     def _static(self, body: Body) -> Body:
         """The conditions without those that something which can change be false."""
         return tuple(p for p in body if not (isinstance(p, Literal) and not p.positive and self._changes(p)))
-
-
-def _stratum(rules: Sequence[Rule]) -> _Stratum:
-    counting = [rule for rule in rules if any(isinstance(part, StateAggregate) for part in rule.body)]
-    return _Stratum([rule for rule in rules if rule not in counting], counting)
 
 
 def _counted(stratum: _Stratum, facts: Facts, judge: Facts) -> list[Atom]:
@@ -164,21 +167,22 @@ def _counted(stratum: _Stratum, facts: Facts, judge: Facts) -> list[Atom]:
 
 def _spread(stratum: _Stratum, facts: Facts, judge: Facts) -> None:
     """Add everything that follows by the instances of one stratum; `judge` decides what is false."""
-    missing: dict[Instance, int] = {}
-    waiting: list[Instance] = []
-    for each in stratum.instances:
-        left = sum(atom not in facts for atom in set(each.needs))
-        missing[each] = left
-        if not left:
-            waiting.append(each)
+    missing, waiting = stratum.counts.copy(), stratum.free.copy()
+    for name in stratum.read:
+        for atom in facts.extent(name):
+            _meet(stratum, atom, missing, waiting)
     while waiting:
-        each = waiting.pop()
-        if any(_among(atom, judge) for atom in each.excludes) or not facts.add(each.head):
-            continue
-        for user in stratum.users.get(each.head, ()):
-            missing[user] -= 1
-            if not missing[user]:
-                waiting.append(user)
+        each = stratum.instances[waiting.pop()]
+        if not any(_among(atom, judge) for atom in each.excludes) and facts.add(each.head):
+            _meet(stratum, each.head, missing, waiting)
+
+
+def _meet(stratum: _Stratum, atom: Atom, missing: list[int], waiting: list[int]) -> None:
+    """Count a true atom for the instances that need it; those that miss nothing more wait."""
+    for user in stratum.users.get(atom, ()):
+        missing[user] -= 1
+        if not missing[user]:
+            waiting.append(user)
 
 
 def _among(atom: Atom, facts: Facts) -> bool:
