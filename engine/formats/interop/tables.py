@@ -12,11 +12,12 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import File, read_file
 from kb.numbers import DIGITS, NumberError, decimal
 
-NEEDED = ("name", "x", "y", "z", "nx", "ny", "nz")
-OPTIONAL = ("kind", "nominal", "tolerance", "bore", "feature")
-NUMBERS = (*NEEDED[1:], "nominal", "tolerance", "bore")
+NEEDED = ("x", "y", "z", "nx", "ny", "nz")
+OPTIONAL = ("name", "kind", "nominal", "tolerance", "bore", "feature")
+NUMBERS = (*NEEDED, "nominal", "tolerance", "bore")
 LENGTHS = ("x", "y", "z", "nominal", "tolerance", "bore")
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+WITH_UNIT = re.compile(rf"({'|'.join(LENGTHS)})_({'|'.join(UNITS_M)})")  # x_mm, tolerance_in
 NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 FARTHEST_M = 2_147.0  # the language has whole numbers of 32 bits, and positions are in micrometres
 MARKS = ",;\t"
@@ -34,21 +35,24 @@ def unit_m(unit: str) -> float:
 def read_table(path: Path, unit: str = "mm") -> Inspection:
     """The points of a CSV table with the columns NEEDED and any of OPTIONAL, lengths in `unit`. Raises `InvalidInput`.
 
-    Columns are divided by the first of comma, semicolon and tab that its first line contains.
+    A column such as `x_m` has the unit in its name. Without names, points are called p1, p2, ... Columns are divided by the first of comma, semicolon and tab that its first line contains.
     """
-    metres = unit_m(unit)
+    units = dict.fromkeys(LENGTHS, unit_m(unit))
     file = read_file(path)
     head = file.text.partition("\n")[0]
     rows = csv.reader(
         io.StringIO(file.text, newline=None), delimiter=next((mark for mark in MARKS if mark in head), ",")
     )
     try:
-        columns = [each.strip().lower() for each in next(rows, [])]
+        columns = [_plain(each.strip().lower(), units) for each in next(rows, [])]
         wrong = _columns(columns, file)
         found = (
             []
             if wrong
-            else [_row(row, columns, file.line(rows.line_num, 1), metres) for row in rows if any(row)]
+            else [
+                _row(row, columns, file.line(rows.line_num, 1), units, f"p{number}")
+                for number, row in enumerate(filter(any, rows), 1)
+            ]
         )
     except csv.Error as error:
         raise InvalidInput([_wrong(file.line(rows.line_num, 1), f"not a table: {error}")]) from None
@@ -61,6 +65,15 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
         raise InvalidInput([_wrong(Source(file.path), "the table has no rows", "one row for each point")])
     made = tuple(point for point, _ in points)
     return Inspection(path.stem, made, features=len({point.feature for point in made}))
+
+
+def _plain(column: str, units: dict[str, float]) -> str:
+    """The name of a column without its unit, which is noted."""
+    found = WITH_UNIT.fullmatch(column)
+    if found is None:
+        return column
+    units[found[1]] = UNITS_M[found[2]]
+    return found[1]
 
 
 def _wrong(where: Source, message: str, hint: str = "") -> Diagnostic:
@@ -91,18 +104,19 @@ def _repeated(points: Sequence[tuple[MeasurementPoint, Source]]) -> list[Diagnos
 
 
 def _row(
-    row: Sequence[str], columns: Sequence[str], where: Source, unit: float
+    row: Sequence[str], columns: Sequence[str], where: Source, units: Mapping[str, float], name: str
 ) -> tuple[MeasurementPoint, Source] | Diagnostic:
     if len(row) > len(columns) and any(each.strip() for each in row[len(columns) :]):
         return _wrong(
             where, f"{len(row)} cells in {len(columns)} columns", "write 1.5 with a point, not a comma"
         )
-    cells = {key: text.strip() for key, text in zip(columns, row, strict=False)}
+    cells = {"name": name} if "name" not in columns else {}
+    cells |= {key: text.strip() for key, text in zip(columns, row, strict=False)}
     bad = next(_bad_numbers(cells), None)
     if bad is not None:
         return _wrong(where, *bad)
     values = {key: decimal(cells[key]) for key in NUMBERS if cells.get(key)}
-    values |= {key: values[key] * unit for key in LENGTHS if key in values}
+    values |= {key: values[key] * units[key] for key in LENGTHS if key in values}
     if (message := _senseless(cells.get("name", ""), cells.get("kind", ""), values)) is not None:
         return _wrong(where, *message)
     length = math.hypot(values["nx"], values["ny"], values["nz"])

@@ -103,7 +103,9 @@ def test_a_device_can_be_given_a_name(tmp_path: Path) -> None:
     create_with(tmp_path / "cell", ["hotel=plate_hotel", "dispenser"])
     domain = (tmp_path / "cell" / "domain.yaml").read_text("utf-8")
     assert "  hotel: {device: plate_hotel}\n" in domain
-    assert "  dispenser: {holder: rack}\n" in domain  # nobody doses into a plate that has another one above it
+    assert (
+        "  dispenser: {holder: rack}\n" in domain
+    )  # nobody doses into a plate that has another one above it
     problem = (tmp_path / "cell" / "problems" / "first.yaml").read_text("utf-8")
     assert "own_depot(probe_1, slot(hotel, 1))" in problem
     assert answer("run", tmp_path / "cell" / "problems" / "first.yaml")[0] == 0

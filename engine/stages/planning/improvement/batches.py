@@ -49,13 +49,16 @@ def fewer(
 
 
 def needed(task: Task, steps: Sequence[GroundOperator], effort: Effort) -> Steps:
-    """The steps of a plan that it needs, with every stage reached as early as possible."""
+    """The steps of a plan that it needs, with every stage reached as early as possible if that bars none of them."""
     settled = early(task, steps)
     plain = [replace(each) for each in plainly(task, settled)]  # no two of them are the same object
     kept = {id(each) for each in eliminate(task.initial, plain, reached(task, settled))}
     left = [step for step, each in zip(settled, plain, strict=True) if id(each) in kept]
     left = left if _reaches(task, left) else settled
-    return left if task.axioms is None else without_needless(task, left, effort)
+    if task.axioms is None:
+        return left
+    fewest = without_needless(task, left, effort)
+    return fewest if _reaches(task, fewest) else left
 
 
 def _better(task: Task, best: Steps, effort: Effort, expansions: int, tried: Tried) -> Steps | None:

@@ -89,3 +89,20 @@ def test_a_kind_that_the_domain_does_not_know_is_told_and_the_problem_plans(tmp_
     written = tmp_path / "points.yaml"
     written.write_text(text)
     assert isinstance(plan(problem_of(str(written))).outcome, Found)
+
+
+def test_columns_may_carry_their_unit_and_points_need_no_names(tmp_path: Path) -> None:
+    table = tmp_path / "points.csv"
+    table.write_text("x_m,y_cm,z,nx,ny,nz,tolerance_in\n0.5,2,300,1,0,0,0.1\n\n0.25,4,100,0,1,0,\n", "utf-8")
+    first, second = read_table(table, "mm").points
+    assert (first.name, second.name) == ("p1", "p2")
+    assert first.position == pytest.approx((0.5, 0.02, 0.3))
+    assert second.position == pytest.approx((0.25, 0.04, 0.1))
+    assert (first.tolerance_m, second.tolerance_m) == (pytest.approx(0.00254), None)
+
+
+def test_a_column_with_two_units_is_refused(tmp_path: Path) -> None:
+    table = tmp_path / "points.csv"
+    table.write_text("x_m,x_mm,y,z,nx,ny,nz\n0.5,500,2,3,1,0,0\n", "utf-8")
+    with pytest.raises(InvalidInput, match="the column 'x' is there twice"):
+        read_table(table)

@@ -1,16 +1,22 @@
 """Plans with quantities: no step that they can do without, and stages that another order of the steps reaches sooner."""
 
+import random
+import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
-from engine.model.replay import instances, replayed
-from engine.model.task import GroundOperator, Task
+from engine.model.replay import instances, reached_goals, replayed
+from engine.model.task import GroundOperator, Task, bitset
 from engine.pipelines.planning import check_plan
 from engine.pipelines.timetable.blocked import operators_of
 from engine.stages.grounding import ground
 from engine.stages.planning.effort import Effort
 from engine.stages.planning.elimination import reached
+from engine.stages.planning.improvement.batches import fewer, needed
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.planning.improvement.needless import without_needless
 from engine.stages.planning.variants import plainly
@@ -89,6 +95,18 @@ def test_without_effort_no_step_is_dropped(problem: Problem) -> None:
     assert names(left) == list(ROUNDABOUT)
 
 
+def test_where_a_stage_must_wait_the_steps_stay_as_they_are(problem: Problem) -> None:
+    task = ground(problem)
+    found = steps_of(task, ("dose(p)", "seal(p)", "dose(q)", "seal(q)"))
+    steps = [each for each in found if str(each.instance) != '_reaches("1:p", 2)']
+    state = task.initial
+    for step in steps:
+        state = task.after(state, step)
+    here = bitset([n for n, atom in enumerate(task.atoms) if atom.name in ("_stage", "sealed")]) & state
+    waiting = replace(task, goals=(here,))  # p is sealed, and its stage is not reached
+    assert needed(waiting, steps, Effort(1 << 30)) == steps
+
+
 def test_another_order_may_reach_a_stage_with_an_earlier_step(problem: Problem) -> None:
     task = ground(problem)
     made = plainly(task, steps_of(task, ROUNDABOUT[:4] + ROUNDABOUT[6:]))
@@ -97,3 +115,26 @@ def test_another_order_may_reach_a_stage_with_an_earlier_step(problem: Problem) 
     assert [str(steps[n].instance) for n in order[:4]] == ["dose(p)", "seal(p)", "unseal(p)", "seal(p)"]
     plan = deorder(task, [steps[n] for n in order], goals, [100 * n for n in range(6)])
     assert check_plan(problem, plan) == []
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=40, deadline=None)
+def test_whatever_is_dropped_from_a_walk_to_the_goals_leaves_one(seed: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "problems").mkdir()
+        (Path(folder) / "domain.yaml").write_text(DOMAIN, "utf-8")
+        (Path(folder) / "problems" / "one.yaml").write_text(PROBLEM, "utf-8")
+        task = ground(load_problem(Path(folder) / "problems" / "one.yaml"))
+    walk, state, chance = list[GroundOperator](), task.initial, random.Random(seed)
+    while reached_goals(task, state) is None and len(walk) < 60:
+        able = [each for each in task.operators if not each.preconditions & ~state]
+        assume(bool(able))
+        walk.append(chance.choice(able))
+        state = task.after(state, walk[-1])
+    assume(reached_goals(task, state) is not None)
+    for steps in fewer(task, walk, Effort(3000)):
+        state = task.initial
+        for step in steps:
+            assert not step.preconditions & ~state
+            state = task.after(state, step)
+        assert reached_goals(task, state) is not None
