@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 from hypothesis import HealthCheck, event, given, settings
@@ -11,10 +12,12 @@ from engine.model.explanation import Amendment, Edit, Explanation
 from engine.model.outcome import Found
 from engine.pipelines import planning
 from engine.pipelines.explanation import changed, explain
+from engine.pipelines.explanation.alike import Alike
+from engine.pipelines.explanation.space import Space
 from kb.model.conditions import And, BodyPart, Comparison, Literal
 from kb.model.domain import Domain, Effect, Kind, Operator, Predicate
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Operation, Variable
+from kb.terms import Atom, Function, Number, Operation, Term, Variable, exchanged
 from tests.properties.problems import OBJECTS, ONE_X, TYPES, X, problems, shortest
 
 FLUENTS = [*(Function(name, (Function(each),)) for name in ("p", "q") for each in OBJECTS), Function("r")]
@@ -155,3 +158,27 @@ def test_every_static_that_would_help_is_found_with_the_nearest_number(problem: 
         edit for edit in possible if isinstance(planning.plan(changed(problem, Amendment((edit,)))), Found)
     )
     event(f"{min(check(problem, explanation, helping, goals(problem)), 3)} edits help")
+
+
+def even(problem: Problem) -> Problem:
+    """The problem with each fact for both things."""
+    one, other = map(Function, OBJECTS)
+    swap: dict[Term, Term] = {one: other, other: one}
+
+    def both(facts: tuple[Atom, ...]) -> tuple[Atom, ...]:
+        moved = (exchanged(each, swap) for each in facts)
+        return tuple(dict.fromkeys((*facts, *(each for each in moved if isinstance(each, Function)))))
+
+    return replace(problem, statics=both(problem.statics), initial=both(problem.initial))
+
+
+@pytest.mark.slow
+@settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
+@given(problem=marked().map(even))
+def test_of_changes_that_are_alike_but_for_names_all_help_or_none(problem: Problem) -> None:
+    alike, marks = Alike(Space.of(problem, problem.initial)), STATICS[: len(OBJECTS)]
+    for edit in (*single("initial", problem.initial, FLUENTS), *single("static", problem.statics, marks)):
+        images = sorted(alike.images(edit), key=str)
+        answers = {type(planning.plan(changed(problem, Amendment((each,))))) for each in images}
+        assert len(answers) == 1, [*map(str, images)]
+        event(f"{len(images)} alike: {answers}")

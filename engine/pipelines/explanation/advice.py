@@ -4,9 +4,11 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from engine.model.explanation import Amendment, Edit
 from engine.model.outcome import Found, GaveUp, Outcome
+from engine.pipelines.explanation.alike import Alike
 from engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, changed
 from engine.pipelines.explanation.candidates import Candidate, joint_edits, single_edits
 from engine.pipelines.explanation.space import Space
@@ -44,6 +46,7 @@ class Advice:
     found: list[tuple[Amendment, Found]] = field(default_factory=list)
     _families: set[Family] = field(default_factory=set)
     _removed: set[Atom] = field(default_factory=set)
+    _vain: set[tuple[Edit, ...]] = field(default_factory=set)
     _implied: list[frozenset[Atom]] = field(default_factory=list)
 
     def smallest(self) -> list[tuple[Amendment, Found]]:
@@ -90,12 +93,24 @@ class Advice:
                 self._families |= families
 
     def _try(self, edits: tuple[Edit, ...]) -> bool:
+        """Plan with a change, unless it is in vain for sure: it was tried in place of an addition, or for an object that is alike."""
+        if edits in self._vain:
+            return False
         change = Amendment(edits)
         outcome = self.planned(changed(self.problem, change))
         if isinstance(outcome, Found):
             self.found.append((change, outcome))
-        self.untried += isinstance(outcome, GaveUp)
-        return isinstance(outcome, Found)
+            return True
+        if isinstance(outcome, GaveUp):
+            self.untried += 1
+            self._vain.add(edits)
+        elif len(edits) == 1:
+            self._vain |= {(each,) for each in self._alike.images(edits[0])}
+        return False
+
+    @cached_property
+    def _alike(self) -> Alike:
+        return Alike(self.space)
 
     def _remember(self, edit: Edit) -> None:
         if edit.added is not None:

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from engine.model.explanation import Edit
 from engine.model.outcome import Outcome
 from engine.pipelines import planning
 from engine.pipelines.explanation import explain
 from engine.pipelines.explanation.advice import Advice
+from engine.pipelines.explanation.alike import Alike
 from engine.pipelines.explanation.bearing import Bearing
 from engine.pipelines.explanation.space import Space
 from engine.stages.grounding import ground
@@ -69,6 +71,22 @@ operators:
     adds: seen(B)
 include: [rules.lp]
 """
+BEADS = """
+domain: beads
+types: {bead: object, tray: object}
+objects: {bead: [a, b, c], tray: [x, y]}
+statics:
+  box(bead, tray): {}
+fluents:
+  on(bead): {}
+  done: {}
+operators:
+  finish(B):
+    types: {B: bead}
+    preconditions: on(B), not on(B)
+    adds: done
+include: [rules.lp]
+"""
 SPOTS = "spot(hole(S, 1..N)) :- room(S, N).\n"
 
 
@@ -110,6 +128,28 @@ def test_what_makes_a_problem_many_times_as_large_is_tried_after_all_else(tmp_pa
     new = [set(each.statics) - set(problem.statics) for each in tried(problem)]
     single = [str(*facts) for facts in new if len(facts) == 1]
     assert {"room(left, 4)", "width(left, 2)"} <= set(single[: single.index("room(left, 400)")])
+
+
+def test_of_changes_that_are_alike_but_for_names_one_is_tried(tmp_path: Path) -> None:
+    problem = made(tmp_path, BEADS, "", "statics: ['box(a, x)', 'box(b, y)']\ngoals: ['done']\n")
+    new = [sorted(map(str, set(each.initial) - set(problem.initial))) for each in tried(problem)]
+    assert [facts for facts in new if len(facts) == 1] == [["on(a)"], ["on(c)"], ["done"]]
+
+
+def test_what_belongs_to_alike_objects_changes_places_with_them(tmp_path: Path) -> None:
+    problem = made(tmp_path, BEADS, "", "statics: ['box(a, x)', 'box(b, y)']\ngoals: ['done']\n")
+    edit = Edit("static", Function("box", (Function("a"), Function("y"))))
+    images = {str(each) for each in Alike(space_of(problem)).images(edit)}
+    assert images == {"add static box(a, y)", "add static box(b, x)"}
+
+
+def test_objects_that_an_operator_names_are_alike_with_none(tmp_path: Path) -> None:
+    problem = made(tmp_path, SHELVES, SPOTS, "goals: ['seen(b)']\n")
+    alike = Alike(space_of(problem))
+    assert [
+        sorted(map(str, alike.images(Edit("initial", Function("seen", (Function(each),))))))
+        for each in ("a", "b", "c")
+    ] == [["add initial seen(a)"], ["add initial seen(b)"], ["add initial seen(c)", "add initial seen(d)"]]
 
 
 def test_no_fluent_is_tried_that_bears_on_no_goal() -> None:
