@@ -146,7 +146,7 @@ def run(task: Instance, planner: str, command: Command, seconds: float) -> Run:
         shutil.copy(task.problem, copy / "problem.pddl")
         plan = copy / "plan.txt"
         started = _of_children()
-        answered = _output(command(copy, plan, seconds), copy, seconds)
+        answered = output(command(copy, plan, seconds), copy, seconds)
         taken = _of_children() - started
         if planner == "pyperplan":
             plan = copy / "problem.pddl.soln"
@@ -161,7 +161,7 @@ def _of_children() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def _output(line: Sequence[str], place: Path, seconds: float) -> str:
+def output(line: Sequence[str], place: Path, seconds: float) -> str:
     """What a planner prints; nothing if it fails. After the time it is ended with all that it has started."""
     quiet = subprocess.DEVNULL
     with subprocess.Popen(

@@ -27,6 +27,12 @@ def solved(planner: str) -> Read:
     return counted(lambda row: row["steps"] is not None, where("planner", planner))
 
 
+def of_lama(output: Output) -> float | None:
+    """The summed cost of plans in parts of that of `lama`, on tasks that both solve."""
+    both = [(row["ours"], row["lama"]) for row in output.kept if row["ours"] and row["lama"]]
+    return sum(one for one, _ in both) / sum(other for _, other in both) if both else None
+
+
 def beside(one: str, other: str) -> Read:
     """The geometric mean of the times of one planner to those of another, on tasks that both solve."""
 
@@ -108,6 +114,13 @@ PLANS = (
             Figure(24, "time beside lama-first, geometric mean", beside("auto", "lama-first"), "", 1.0, peer=("pyperplan", beside("pyperplan", "lama-first"))),
         ),
         (18, 180),
+    ),
+    Part(
+        "anytime", "benchmarks/anytime.py",
+        ("--levels", "1", "--seconds", "3", *PEERS, "--json", "{json}"),
+        ("--levels", "1-4", "--seconds", "30", *PEERS, "--json", "{json}"),
+        (Figure(24, "cost of plans beside lama, same time", of_lama, "", 0.95, noise=EXACT),),
+        (4, 60),
     ),
     Part(
         "numeric", "benchmarks/planning.py",

@@ -23,6 +23,21 @@ RELATED: dict[str, Callable[[int], bool]] = {
 
 RELATIONS = ("=", "!=", "<", "<=", ">", ">=")  # as the kernel of comparisons numbers them
 OPPOSITE = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
+
+
+def never(relation: str, low: int, high: int) -> bool:
+    """Whether no number from `low` to `high` compares with 0 as a relation says."""
+    match relation:
+        case "=":
+            return low > 0 or high < 0
+        case "!=":
+            return low == high == 0
+        case ">" | ">=":
+            return high < 0 or (relation == ">" and high == 0)
+        case _:
+            return low > 0 or (relation == "<" and low == 0)
+
+
 Met = dict[int, tuple[int, int]]  # for the atom of each value: the number of its quantity, and the value
 UNBOUNDED = 1 << 62  # more than any value
 
@@ -99,6 +114,14 @@ class Comparing:
     def holds(self, state: Bits) -> bool:
         """Whether it is true in a state."""
         return RELATED[self.relation](self.sum.of(state))
+
+    @property
+    def settled(self) -> bool | None:
+        """Whether it is always true, or never, within the ranges of the quantities; None if values decide."""
+        ends = self.sum.range()
+        return (
+            False if never(self.relation, *ends) else True if never(OPPOSITE[self.relation], *ends) else None
+        )
 
     def read(self, state: Bits) -> Bits:
         """The values in a state on which this depends."""

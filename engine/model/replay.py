@@ -44,16 +44,25 @@ def settled(task: Task, state: Bits) -> Bits:
 
 
 def _possible(task: Task, step: GroundOperator, state: Bits) -> GroundOperator:
-    """The step, or an operator with the same instance and effects whose conditions hold where those of the step do not."""
+    """The step, or an operator with the same instance and effects whose conditions hold where those of the step do not.
+
+    The other one may differ in the stages that it reaches: in another order of the steps an earlier one may have reached them.
+    """
     if not step.preconditions & ~state:
         return step
-    others = (each for each in task.operators if each.instance == step.instance)
-    alike = (each for each in others if (each.adds, each.deletes) == (step.adds, step.deletes))
-    return next((each for each in alike if not each.preconditions & ~state), step)
+    others = [o for o in task.operators if o.instance == step.instance and not o.preconditions & ~state]
+    alike = [each for each in others if (each.adds, each.deletes) == (step.adds, step.deletes)]
+    besides = ~_stages(task)
+    alike += [o for o in others if not (o.adds ^ step.adds | o.deletes ^ step.deletes) & besides]
+    return next(iter(alike), step)
+
+
+def _stages(task: Task) -> Bits:
+    return bitset([number for number, atom in enumerate(task.atoms) if atom.name == STAGE])
 
 
 def early(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
-    """The same steps with every stage reached as early as possible; as they are if the goals want some not yet reached."""
+    """The same steps with every stage reached as early as possible; as they are if that bars a step or a goal."""
     reaching = reaching_operators(task)
     if not reaching:
         return list(steps)
@@ -62,6 +71,8 @@ def early(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
         if each.instance.name == REACHES:
             continue
         step = _possible(task, each, state)
+        if step.preconditions & ~state:
+            return list(steps)
         state = task.after(state, step)
         made.append(step)
         for each in settling(state, reaching):
@@ -76,7 +87,7 @@ def joined(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> tuple[li
     A stage that held before its step reached it, that still holds at the end, and that nothing waits for, is left to the
     end: nothing need be ordered for it.
     """
-    stages = bitset([number for number, atom in enumerate(task.atoms) if atom.name == STAGE])
+    stages = _stages(task)
     steps = early(task, steps)
     late, goals = _late(task, steps, goals, stages)
     made: list[GroundOperator] = []

@@ -53,8 +53,9 @@ def check(target: str, reach: bool = True) -> CheckReport:
     else:
         paths += _problem_files(path, found)
         problems += [each.problem for file in paths[1:] if (each := _loaded(file, found)) and each.problem]
+    happening = _happening(loaded.domain) if loaded is not None else frozenset()
     if loaded is not None and loaded.problem is None:
-        found += check_domain(loaded.domain, problems)
+        found += check_domain(loaded.domain, problems, happening)
     small = [fewer(each) for each in problems]
     grounded = [(each, task) for each in small if (task := _grounded(each.problem, found)) is not None]
     tasks = [task for _, task in grounded]
@@ -65,7 +66,7 @@ def check(target: str, reach: bool = True) -> CheckReport:
     lost = [each for each, task in grounded if _starts_badly(each.problem, task, own, found)]
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
-        found += unreachable(loaded.domain, reached)
+        found += unreachable(loaded.domain, reached, happening)
     if loaded is not None and is_there(cell := Path(loaded.domain.path).with_name(CELL_FILE)):
         paths.append(cell)
         atoms = {atom for each, task in grounded for atom in each.told_of_all(task.atoms)}
@@ -130,6 +131,17 @@ def _checked_faults(domain: Path) -> list[Diagnostic]:
     except InvalidInput as error:
         return list(error.diagnostics)
     return [*warnings, *check_faults(model)]
+
+
+def _happening(domain: Domain) -> frozenset[str]:
+    """The predicates that causes and repairs of the fault base beside a domain make true; none if it cannot be read."""
+    path = Path(domain.path)
+    try:
+        model = load_faults(path)[0] if is_there(path.with_name(FAULTS_FILE)) else None
+    except InvalidInput:
+        return frozenset()
+    added = [each.adds for told in (model.causes, model.repairs) for each in told.values()] if model else []
+    return frozenset(atom.name for atoms in added for atom in atoms)
 
 
 def _checked_contacts(domain: Path) -> list[Diagnostic]:

@@ -45,6 +45,8 @@ def fastest(
         named = _named(problem, task, own.plan)
         other = own if named == own.plan else own_order(problem, task, named)
         return _judged(other if value_of(other) <= value_of(own) else own, bound), None
+    if limits.interrupted() and not own.unwatched:  # the solver alone takes longer to load than is left
+        return _judged(own, bound), None
     plans = list(_plans(problem, task, outcome, limits))
     made = [timed(problem, task, each, work) for each in plans]
     if isinstance(made[0], Timetable):

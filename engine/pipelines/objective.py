@@ -74,7 +74,7 @@ def plan(
     followed = sequenced(problem, limits, cheap=cheap) if order is Order.SEQUENCE else None
     if followed is not None:
         return followed
-    outcome, task = planned(problem, limits)
+    outcome, task = planned(problem, limits, ordered=not problem.chains)
     return _run(problem, task, outcome, limits, objective)
 
 
@@ -162,7 +162,7 @@ def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objecti
     if not isinstance(outcome, Found):
         return Run(outcome)
     if not _lasts(outcome.plan):
-        return Run(replace(outcome, plan=_tidy(problem, task, outcome.plan)))
+        return Run(replace(outcome, plan=_tidy(problem, task, outcome.plan)) if problem.chains else outcome)
     from engine.pipelines import makespan
     from engine.pipelines.timetable import own_order
 

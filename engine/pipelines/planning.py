@@ -66,14 +66,19 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     return planned(problem, limits)[0]
 
 
-def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> tuple[Outcome, Task]:
-    """The outcome of `plan`, and the ground task. The searches may use `macros` as operators. Raises `InvalidInput`."""
+def planned(
+    problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS, ordered: bool = False
+) -> tuple[Outcome, Task]:
+    """The outcome of `plan`, and the ground task. The searches may use `macros` as operators. Raises `InvalidInput`.
+
+    If the plan shall be `ordered` and none of its steps takes time, it is made as by `in_the_order_named`.
+    """
     few = excerpt(problem)
     outcome, task = searched(problem, limits, macros, few=few)
     started = time.perf_counter()
     if isinstance(outcome, Found):
         gate = PlanGate()
-        made, wrong = gate.settled(few if task.whole is False else problem, outcome.plan)
+        made, wrong = _settled(gate, few if task.whole is False else problem, outcome.plan, ordered)
         if wrong and not task.whole:  # what was left out did play a part
             outcome, task = _searched(ground(problem), limits, macros)
             made = gate.accepted(problem, outcome.plan) if isinstance(outcome, Found) else made
@@ -84,9 +89,29 @@ def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MAC
     return replace(outcome, statistics=replace(outcome.statistics, seconds=seconds)), task
 
 
+def _settled(gate: PlanGate, problem: Problem, plan: Plan, ordered: bool) -> tuple[Plan, list[Diagnostic]]:
+    """What the gate tells of a plan. One that is to be `ordered` is so before, so that it is checked only once."""
+    if not ordered or any(step.duration for step in plan.steps):
+        return gate.settled(problem, plan)
+    proposed: list[Plan] = []  # ever more objects at their turn
+
+    def noted(other: Plan) -> bool:
+        proposed.append(other)
+        return True
+
+    in_the_order_said(gate.semantics(problem), plan, noted)
+    if proposed and not gate.findings(problem, proposed[-1]):
+        return proposed[-1], []
+    made, wrong = gate.settled(problem, plan)
+    return (_ordered(gate, problem, made) if len(proposed) > 1 and not wrong else made), wrong
+
+
 def in_the_order_named(problem: Problem, plan: Plan) -> Plan:
     """The plan that serves alike objects in the order in which they are named, if the gate lets it pass; else the plan itself."""
-    gate = PlanGate()
+    return _ordered(PlanGate(), problem, plan)
+
+
+def _ordered(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
     return in_the_order_said(gate.semantics(problem), plan, lambda other: not gate.findings(problem, other))
 
 

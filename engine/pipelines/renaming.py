@@ -43,15 +43,13 @@ def in_the_order_said(semantics: Semantics, plan: Plan, fits: Callable[[Plan], b
 
 def _alike(problem: Problem) -> Iterator[list[Function]]:
     """Objects of one type with the same goals but for numbers, of which the same numbers are known, in the order of their names."""
-    types = {**problem.domain.objects, **problem.objects}
-    wanted = list(_wanted(problem))
-    named = dict.fromkeys(
-        each for atoms in wanted for atom in atoms for each in _constants(atom) if each.name in types
-    )
+    types, told = {**problem.domain.objects, **problem.objects}, _told(problem)
     groups: dict[tuple[object, ...], list[Function]] = {}
-    for each in named:
-        shape = [said for said, _ in _about(wanted, each)]
-        groups.setdefault((types[each.name], *shape, _numbers(problem, each)), []).append(each)
+    for each, wanted in _wanted(problem).items():
+        if each.name in types:
+            shape = [said for said, _ in _about(wanted, each)]
+            numbers = tuple(sorted(str(exchanged(fact, {each: HERE})) for fact in told.get(each, ())))
+            groups.setdefault((types[each.name], *shape, numbers), []).append(each)
     return (group for group in groups.values() if len(group) > 1)
 
 
@@ -59,17 +57,22 @@ def _about(wanted: Iterable[tuple[Atom, ...]], thing: Function) -> list[tuple[st
     """What is wanted of an object, sorted: as a text without its name and without numbers, and these numbers."""
     found = []
     for atoms in wanted:
-        if any(thing in _constants(atom) for atom in atoms):
-            numbers = [each for atom in atoms for each in _counts(atom)]
-            hidden: dict[Term, Term] = {thing: HERE, **dict.fromkeys(numbers, ANYTHING)}
-            found.append((" then ".join(str(exchanged(atom, hidden)) for atom in atoms), numbers))
+        numbers = [each for atom in atoms for each in _counts(atom)]
+        hidden: dict[Term, Term] = {thing: HERE, **dict.fromkeys(numbers, ANYTHING)}
+        found.append((" then ".join(str(exchanged(atom, hidden)) for atom in atoms), numbers))
     return sorted(found, key=lambda each: (each[0], [number.value for number in each[1]]))
 
 
-def _wanted(problem: Problem) -> Iterator[tuple[Atom, ...]]:
-    """The atoms of each part of the goal and of each chain, in the order in which they are given."""
-    yield from (chain.stages for chain in problem.chains)
-    yield from (tuple(literal.atom for literal in literals(part)) for part in goal_parts(problem.goal))
+def _wanted(problem: Problem) -> dict[Function, list[tuple[Atom, ...]]]:
+    """The constants of the goal and of the chains in the order in which they are named, each with the atoms of the parts and
+    chains that name it."""
+    wishes = [chain.stages for chain in problem.chains]
+    wishes += [tuple(literal.atom for literal in literals(part)) for part in goal_parts(problem.goal)]
+    found: dict[Function, list[tuple[Atom, ...]]] = {}
+    for atoms in wishes:
+        for each in dict.fromkeys(constant for atom in atoms for constant in _constants(atom)):
+            found.setdefault(each, []).append(atoms)
+    return found
 
 
 def _constants(term: Term) -> Iterator[Function]:
@@ -90,11 +93,14 @@ def _counts(term: Term) -> Iterator[Number]:
             yield from _counts(each)
 
 
-def _numbers(problem: Problem, thing: Function) -> tuple[str, ...]:
-    """What the problem says about an object in numbers, such as its due time."""
-    facts = (fact for fact in (*problem.statics, *problem.initial) if thing in fact.arguments)
-    told = (fact for fact in facts if any(isinstance(each, Number) for each in fact.arguments))
-    return tuple(sorted(str(exchanged(fact, {thing: HERE})) for fact in told))
+def _told(problem: Problem) -> dict[Term, list[Atom]]:
+    """What the problem says about each object in numbers, such as its due time."""
+    found: dict[Term, list[Atom]] = {}
+    for fact in (*problem.statics, *problem.initial):
+        if any(isinstance(each, Number) for each in fact.arguments):
+            for thing in dict.fromkeys(fact.arguments):
+                found.setdefault(thing, []).append(fact)
+    return found
 
 
 def _served(plan: Plan, group: Sequence[Function]) -> list[Function]:
@@ -134,7 +140,7 @@ def _moves(semantics: Semantics, things: Mapping[Function, Function]) -> Moves |
             if argument in own:
                 own[argument].setdefault((fact.name, place), set()).add(fact)
     moves: dict[Term, Term] = {one: other for one, other in things.items()}
-    wanted = list(_wanted(semantics.problem))
+    wanted = _wanted(semantics.problem)
     for one, other in things.items():
         pairs = [*zip(_numbers_of(wanted, one), _numbers_of(wanted, other), strict=True)]
         for key, mine in own[one].items():
@@ -146,9 +152,9 @@ def _moves(semantics: Semantics, things: Mapping[Function, Function]) -> Moves |
     return moves if len(set(moves.values())) == len(moves) else None
 
 
-def _numbers_of(wanted: Iterable[tuple[Atom, ...]], thing: Function) -> list[Term]:
+def _numbers_of(wanted: Mapping[Function, list[tuple[Atom, ...]]], thing: Function) -> list[Term]:
     """The numbers in what is wanted of an object."""
-    return [number for _, numbers in _about(wanted, thing) for number in numbers]
+    return [number for _, numbers in _about(wanted.get(thing, ()), thing) for number in numbers]
 
 
 def _moved(semantics: Semantics, plan: Plan, moves: Moves) -> Plan | None:

@@ -11,7 +11,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 import clingo
 
 from kb.asp.bounded import run_bounded
-from kb.asp.suspicion import suspicion
 from kb.asp.tables import Table, table
 from kb.plain_terms import plain_terms
 from kb.terms import Function, Number, Term, Text, is_ground
@@ -68,6 +67,8 @@ class Grounder:
 
         Raises `AspError`, and what `kb.asp.bounded` raises where that takes too long.
         """
+        if not text or text.isspace():
+            return
         self._parts += 1
         self._read.clear()
         part = f"part_{self._parts}"
@@ -143,10 +144,14 @@ class Grounder:
 
 def _fact(symbol: clingo.Symbol) -> Function:
     """An atom. Most are read from their text, which clingo writes in less time than it gives arguments one by one."""
-    plain = plain_terms(str(symbol))
+    text = str(symbol)
+    bare = text.lstrip("_")  # what grounding invents has names with a bar in front, which is no plain name
+    plain = plain_terms(bare)
     found = plain[0] if plain is not None else term(symbol)
     assert isinstance(found, Function)
-    return found
+    return (
+        found if plain is None or bare == text else Function(text[: -len(bare)] + found.name, found.arguments)
+    )
 
 
 def term(symbol: clingo.Symbol) -> Term:
@@ -180,6 +185,8 @@ def ground_term(text: str) -> Term:
     plain = plain_terms(text)
     if plain is not None and len(plain) == 1 and is_ground(plain[0]):
         return plain[0]
+    from kb.asp.suspicion import suspicion  # few texts are not plain
+
     if (found := suspicion(text)) is not None:
         raise AspError([(1, found.offset + 1, found.message)])
     messages = Messages()

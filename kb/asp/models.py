@@ -1,6 +1,8 @@
 """Enumerates stable models of small programs, projected to one predicate."""
 
+import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import clingo
 
@@ -9,8 +11,16 @@ from kb.asp.bounded import run_bounded
 from kb.terms import Function
 
 
-def models(text: str, shown: str, limit: int) -> Iterator[tuple[Function, ...]]:
-    """The arguments of the unary predicate `shown` in each stable model.
+@dataclass(frozen=True, slots=True)
+class Model:
+    """What a stable model shows: terms of one name, sorted, and the texts of all others, which nobody reads."""
+
+    terms: tuple[Function, ...]
+    others: frozenset[str]
+
+
+def models(text: str, shown: str, read: str, limit: int) -> Iterator[Model]:
+    """The arguments of the unary predicate `shown` in each stable model; those named `read` as terms.
 
     Each set comes once; at most `limit` sets. clingo searches with one thread and a fixed configuration, so
     the order repeats. Raises `AspError`.
@@ -25,5 +35,11 @@ def models(text: str, shown: str, limit: int) -> Iterator[tuple[Function, ...]]:
         raise AspError(messages.heard or [(0, 0, str(error))]) from None
     with control.solve(yield_=True) as found:
         for model in found:
-            atoms = (term(symbol.arguments[0]) for symbol in model.symbols(shown=True))
-            yield tuple(sorted((atom for atom in atoms if isinstance(atom, Function)), key=str))
+            arguments = [symbol.arguments[0] for symbol in model.symbols(shown=True)]
+            texts = list(map(str, arguments))
+            own = [text.startswith(f"{read}(") for text in texts]
+            terms = [term(each) for each in itertools.compress(arguments, own)]
+            kept = sorted((each for each in terms if isinstance(each, Function)), key=str)
+            yield Model(
+                tuple(kept), frozenset(t for t, is_read in zip(texts, own, strict=True) if not is_read)
+            )

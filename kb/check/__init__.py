@@ -14,12 +14,20 @@ from kb.model.problem import Problem
 from kb.terms import Atom, Term, is_ground, parts_of
 
 
-def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Diagnostic]:
-    """Warnings about a domain, seen together with its problems."""
+def check_domain(
+    domain: Domain, problems: Collection[Problem] = (), happening: Collection[str] = ()
+) -> list[Diagnostic]:
+    """Warnings about a domain, seen together with its problems; faults make the predicates of `happening` true."""
     near = near_misses(domain)
     told = {each.where for each in near}
     unused = (each for each in _unused(domain, problems) if each.where not in told)
-    return [*unused, *_never_added(domain, problems), *_not_held(domain), *near, *_overlooked(domain)]
+    return [
+        *unused,
+        *_never_added(domain, problems, happening),
+        *_not_held(domain),
+        *near,
+        *_overlooked(domain),
+    ]
 
 
 def _overlooked(domain: Domain) -> Iterator[Diagnostic]:
@@ -28,16 +36,21 @@ def _overlooked(domain: Domain) -> Iterator[Diagnostic]:
     yield from never_given_back(domain)
 
 
-def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
+def unreachable(
+    domain: Domain, reached: Collection[str], happening: Collection[str] = ()
+) -> list[Diagnostic]:
     """Warnings about operators that no problem can ever apply.
 
-    Operators with events are left out, since a workflow may need them.
+    Operators with events are left out, since a workflow may need them, and those that need what faults alone make true.
     """
+    alone = {*happening} - {*_added(domain)}
     hint = "look at its types, its constraints, and at what adds its preconditions"
     return [
         Diagnostic(each.where, "K304", f"no problem can ever apply {each.header}", hint, warning=True)
         for each in domain.operators
-        if each.name not in reached and not any(_is_event(domain, effect) for effect in each.effects)
+        if each.name not in reached
+        and not any(_is_event(domain, effect) for effect in each.effects)
+        and not any(read.positive and read.atom.name in alone for read in literals(each.precondition))
     ]
 
 
@@ -69,8 +82,10 @@ def _named(problems: Collection[Problem]) -> Iterator[str]:
         yield from (literal.atom.name for literal in literals(problem.goal))
 
 
-def _never_added(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
-    made = {*_added(domain)} | {fact.name for problem in problems for fact in problem.initial}
+def _never_added(
+    domain: Domain, problems: Collection[Problem], happening: Collection[str]
+) -> Iterator[Diagnostic]:
+    made = {*_added(domain), *happening} | {fact.name for problem in problems for fact in problem.initial}
     for name in dict.fromkeys(_read(domain)):
         predicate = domain.predicates.get(name)
         if predicate and predicate.kind is Kind.FLUENT and name not in made:

@@ -26,7 +26,8 @@ def _unraised(model: FaultModel) -> Iterator[Diagnostic]:
 def _unrepaired(model: FaultModel) -> Iterator[Diagnostic]:
     for cause in model.causes.values():
         if not cause.stops and not model.repairs_of(cause.name):
-            hint = "give it a repair, or say `stops: true`: the cell then stops safely and asks"
+            noted = ", if only one that notes it" if cause.adds or cause.denies or cause.loses else ""
+            hint = f"give it a repair{noted}, or say `stops: true`: the cell then stops safely and asks"
             yield Diagnostic(cause.where, "K903", f"nothing repairs '{cause.name}'", hint, warning=True)
 
 

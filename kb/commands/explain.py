@@ -91,10 +91,14 @@ def _similar(piece: Piece, expected: frozenset[str], domain: Domain, vocabulary:
     if piece.lower in {*SHOWN, *_known(domain, vocabulary)}:
         return ""
     words = sorted(word for word in expected if word.isalpha() and word.islower())
+    own = [
+        word for word in words if word in _known(domain, vocabulary)
+    ]  # "seel" is "seal", not the "see" of any sentence
     if A_NAME in expected:
-        words += sorted(vocabulary.objects)
-    near = [word for word in words if len(word) > 2 and sorted(word) == sorted(piece.lower)]
-    near = near or difflib.get_close_matches(piece.lower, words, n=1, cutoff=0.7)
+        own += sorted(vocabulary.objects)
+    near = [word for word in (*words, *own) if len(word) > 2 and sorted(word) == sorted(piece.lower)]
+    for known in (own, words):
+        near = near or difflib.get_close_matches(piece.lower, known, n=1, cutoff=0.7)
     return f"did you mean '{near[0]}'?" if near else ""
 
 

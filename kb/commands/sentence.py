@@ -128,7 +128,9 @@ class _Sentence:
                     for variable, words in clause.slots.items()
                 }
             except Unclear as error:
-                found.append(Diagnostic(self.place(error.offset), "K603", error.message, error.hint))
+                leaning = any(words.leans_back for words in clause.slots.values())
+                if not (found and leaning):  # what it means is unclear itself, and told
+                    found.append(Diagnostic(self.place(error.offset), "K603", error.message, error.hint))
         return values, found
 
     def _types(self, clause: Clause) -> dict[str, str]:

@@ -39,3 +39,8 @@ class Words:
     mentions: tuple[Mention, ...] = ()
     owner: str = ""
     but: tuple[Mention, ...] = ()
+
+    @property
+    def leans_back(self) -> bool:
+        """Whether this means things that were named before: "cool it", "and store"."""
+        return self.how in ("pronoun", "omitted")

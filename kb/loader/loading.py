@@ -82,7 +82,14 @@ def with_goals(domain: Domain, goals: str, problem: Problem | None = None) -> Pr
     node = Node(goals, File.of("--goals", goals), 0, len(goals))
     base = problem or Problem("goals", domain)
     objects = {**domain.objects, **base.objects}
-    names = Names(findings, dict(domain.types), dict(domain.functions), objects, dict(domain.predicates))
+    names = Names(
+        findings,
+        dict(domain.types),
+        dict(domain.functions),
+        objects,
+        dict(domain.predicates),
+        quantities=dict(domain.quantities),
+    )
     expression = Reader(node, findings, domain.time_unit).parse("conditions", node)
     require(findings)
     goal = goal_condition(expression, names) if expression else TRUE

@@ -122,8 +122,8 @@ def test_regressed_goals_suffice_for_the_goals(problem: Problem, data: st.DataOb
     space = Backward(Regression(plain, task.weights, mutexes(task)), task.initial)
     some = st.integers(0, (1 << len(task.atoms)) - 1)
     root = space.root(data.draw(some) | data.draw(st.sampled_from(plain)).adds)
-    for each in space.successors(root) if root else ():
-        reached = progress(each.open | data.draw(some), plain[each.operator])
+    for _, _, operator, open_ in space.successors(root) if root else ():
+        reached = progress(open_ | data.draw(some), plain[operator])
         assert root is not None
         assert root.open & ~reached == 0
 

@@ -9,7 +9,13 @@ from kb.files import File
 from kb.loader.uses import Device, Use, all_devices, uses_in
 from kb.targets import DOMAIN_FILE
 
-STORES = ("rack", "plate_hotel", "drawer")  # where probes are at the start
+STORES = (
+    "plate_hotel",
+    "rack",
+    "drawer",
+)  # where probes are at the start: the first of these that the cell has
+SHELVES = ("plate_hotel", "drawer")  # nothing is worked on while it lies there, if there is another place
+BENCH = "rack"
 PROBES = ("probe_1", "probe_2")
 TRAVEL = "include: [rules.lp]\nstatics:\n  travel(target, target, time): {}\n"
 WAYS = """% How long the arm takes from place to place. With the positions of all places, leave this out: see "motion" in the
@@ -79,8 +85,15 @@ def _complete(folder: Path, uses: dict[str, str]) -> dict[str, str]:
     added += ["laser_tool"] if added and "laser_tool" not in used else []  # it finds a part that has moved
     if "holding" in used or not added:
         added += [] if any("hand" in known[each].offers for each in uses.values()) else ["gripper"]
-        added += [] if any(each in STORES for each in uses.values()) else [STORES[0]]
+        bare = not any(each in STORES for each in uses.values())
+        added += [BENCH] if bare or _shelved(known, uses) else []
     return {**{each: each for each in added}, **uses}
+
+
+def _shelved(known: Mapping[str, Device], uses: Mapping[str, str]) -> bool:
+    """Whether something is worked on in a holder, and the only holders are shelves with one above the other."""
+    holders = [each for each in uses.values() if "holder" in known[each].offers]
+    return any("holder" in known[each].needs for each in uses.values()) and {*holders} <= {"plate_hotel"}
 
 
 def _below(device: str, known: Mapping[str, Device]) -> Iterator[str]:
@@ -98,6 +111,7 @@ def _domain(folder: Path, name: str, uses: dict[str, str]) -> str:
         given = [f"device: {device}"] if use != device else []
         for port in known[device].needs:
             able = [other for other, each in uses.items() if port in known[each].offers and other != use]
+            able.sort(key=lambda other: uses[other] in SHELVES)
             if len(able) > 1:
                 offer = known[uses[able[0]]].offers[port].lstrip("$")
                 plain = able[0] == uses[able[0]]

@@ -8,12 +8,12 @@ def main() -> None:
     """Run the command line. Before a verb begins and after it ends, Ctrl-C ends the process without a message."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
-    from engine.faces.cli.kept_methods import kept_methods
+    from engine.faces.cli.kept_code import kept_code
 
-    methods = kept_methods()
+    code = kept_code()
     from engine.faces.cli.command import run
 
-    run(methods)
+    run(code)
 
 
 def __getattr__(name: str) -> object:

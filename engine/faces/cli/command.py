@@ -8,7 +8,7 @@ import typer
 from engine.faces.cli.answers import open_streams
 from engine.faces.cli.ending import leave
 from engine.faces.cli.exits import LIMIT
-from engine.faces.cli.kept_methods import Methods
+from engine.faces.cli.kept_code import KeptCode
 from engine.faces.cli.memory import lift_limit
 from engine.faces.cli.verbs import Verbs
 from engine.faces.cli.watchdog import own_process
@@ -39,8 +39,8 @@ def cellwright(
     """Plan and diagnose for robot work cells."""
 
 
-def run(methods: Methods | None = None) -> None:
-    """Run the command line. Methods of dataclasses that were compiled are kept for the next one."""
+def run(code: KeptCode | None = None) -> None:
+    """Run the command line. What was compiled is kept for the next one."""
     own_process()
     open_streams()
     try:
@@ -53,8 +53,8 @@ def run(methods: Methods | None = None) -> None:
         leave(LIMIT)
         raise
     except SystemExit as end:
-        if methods:
-            methods.keep()
+        if code:
+            code.keep()
         if isinstance(end.code, int):
             leave(end.code)
         raise

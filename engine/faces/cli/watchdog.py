@@ -7,8 +7,8 @@ command can still tell what it has found. If that does not help either, the proc
 
 import math
 import os
+import select
 import signal
-import socket
 import sys
 import threading
 import time
@@ -64,13 +64,13 @@ class Watch:
 
     def start(self) -> None:
         """Watch from now on. Only the main thread may start it."""
-        self._alarm, woken = socket.socketpair()
-        self._alarm.setblocking(False)
-        signal.set_wakeup_fd(self._alarm.fileno(), warn_on_full_buffer=False)
+        woken, alarm = os.pipe()
+        os.set_blocking(alarm, False)
+        signal.set_wakeup_fd(alarm, warn_on_full_buffer=False)
         signal.signal(signal.SIGALRM, self._rouse)
         threading.Thread(target=self._run, args=(woken,), name=NAME, daemon=True).start()
 
-    def _run(self, woken: socket.socket) -> None:
+    def _run(self, woken: int) -> None:
         code, hearing = INTERRUPTED, HEARING
         try:
             if self._reason(woken) == LIMIT:
@@ -84,20 +84,18 @@ class Watch:
         if not self.answered:
             self._end(code)
 
-    def _reason(self, woken: socket.socket) -> int:
+    def _reason(self, woken: int) -> int:
         """Wait until the command has to end; the exit code that says why: of a limit, or of Ctrl-C."""
         while True:
             left = None if self.deadline is None else max(self.deadline - time.monotonic(), 0)
-            woken.settimeout(
-                left if self.megabytes is None else LOOKING if left is None else min(left, LOOKING)
-            )
-            try:
-                if set(woken.recv(64)) & {signal.SIGINT, signal.SIGTERM} and not self.waiting:
+            if self.megabytes is not None:
+                left = LOOKING if left is None else min(left, LOOKING)
+            if select.select([woken], [], [], left)[0]:
+                if set(os.read(woken, 64)) & {signal.SIGINT, signal.SIGTERM} and not self.waiting:
                     return INTERRUPTED
-            except TimeoutError:
-                if self.is_time_up():
-                    self._end_waiting()
-                    return LIMIT
+            elif self.is_time_up():
+                self._end_waiting()
+                return LIMIT
             if self.megabytes is not None and resident() > self.megabytes and not self.answered:
                 self.short = True
                 return LIMIT

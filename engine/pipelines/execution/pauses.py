@@ -23,10 +23,12 @@ from engine.pipelines.timetable import from_then_on
 from engine.pipelines.timetable.kept import lateness
 from engine.pipelines.timetable.wishes import wishes_for
 from engine.pipelines.troubleshooting.recovery import recover
+from engine.stages.macros.lifted.world import StepChange
 from engine.stages.planning import Limits
+from engine.stages.validation.changes import State
 from kb.diagnostics import InvalidInput
-from kb.model.plan import Plan, StepId
-from kb.terms import Atom
+from kb.model.plan import Plan, Step, StepId
+from kb.terms import Atom, ordered
 
 RESUME = "resume"  # the origin of the order to plan on that a run gives itself when it is taken up after a safe stop
 PARTS = 6  # of equal things that are tried for one that is due
@@ -83,11 +85,27 @@ def _skip(here: _Pause, text: str) -> tuple[Scope, Ready]:
     step = next((each for each in here.left.steps if each.id == wanted), None)
     if step is None:
         raise Refused(f"step {wanted} is done already, or under way")
-    change = here.course.compiled.changes[int(wanted)]
+    change = _change_now(here, step)
     here.course.world.apply(change)
     _note(here, f"{step.operator} was done by hand", change.adds, change.ends)
     rest = left_over(here.left, {wanted})
     return _replanned(replace(here, state=ahead(here.course), left=rest))
+
+
+def _change_now(here: _Pause, step: Step) -> StepChange:
+    """What a step changes if it is done now: quantities may not have the values that they have at its turn."""
+    change, quantities = here.course.compiled.changes[int(step.id)], here.scope.problem.domain.quantities
+    if not any(each.name in quantities for each in change.adds):
+        return change
+    now = here.course.world.state
+    after = Dynamics(here.scope.problem).after(step.operator, now)
+
+    def counted(own: Sequence[Atom], new: State) -> tuple[Atom, ...]:
+        others = (each for each in own if each.name not in quantities)
+        return (*others, *ordered(each for each in new if each.name in quantities))
+
+    adds, ends = counted(change.adds, after.facts - now.facts), counted(change.ends, now.facts - after.facts)
+    return replace(change, adds=adds, ends=ends)
 
 
 def _retry(here: _Pause, _text: str) -> tuple[Scope, Ready]:

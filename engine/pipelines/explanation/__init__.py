@@ -17,6 +17,7 @@ from engine.pipelines.explanation.companions import companions
 from engine.pipelines.explanation.conflicts import conflicts
 from engine.pipelines.explanation.culprits import Goal, exclusions, minimal_goals, only
 from engine.pipelines.explanation.gaps import gaps
+from engine.pipelines.explanation.ranges import out_of_range
 from engine.pipelines.explanation.space import Space
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
@@ -54,7 +55,10 @@ class _Inquiry:
         initial = tuple(a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage"))
         trial = replace(self.limits, expansions=min(self.limits.expansions, TRIAL))
         space = Space.of(self.problem, initial)
-        excluded = tuple(self._exclusions(goals, space))  # before the long search, which a limit may end
+        barred = out_of_range(self.problem, goals[0]) if len(goals) == 1 else ()
+        excluded = barred or tuple(
+            self._exclusions(goals, space)
+        )  # before the long search, which a limit may end
         advice = Advice(
             space,
             self.problem,
@@ -62,9 +66,9 @@ class _Inquiry:
             lambda each: self._planned(each, trial),
             self.limits.interrupted,
         )
-        asked = companions(self.problem, goals, advice.planned)
-        changes = [self._told(change, found) for change, found in (*asked, *advice.smallest())]
-        lacking = () if changes or advice.untried else tuple(gaps(only(self.problem, goals), space))
+        asked = () if barred else (*companions(self.problem, goals, advice.planned), *advice.smallest())
+        changes = [self._told(change, found) for change, found in asked]
+        lacking = () if barred or changes or advice.untried else tuple(gaps(only(self.problem, goals), space))
         if len(goals) > 1 or not changes:
             changes += self._drops(goals)
         return Explanation(

@@ -13,13 +13,15 @@ from engine.pipelines.explanation.space import Space
 from kb.asp.statics import evaluated
 from kb.model.conditions import Exists, Literal, goal_parts
 from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, Number, Term, match, parts_of, substitute_atom
+from kb.terms import ANYTHING, Atom, Number, Term, match, parts_of, substitute_atom
 
 MAX_SIZE = 3  # facts in one change
 MAX_TRIALS = 1_000  # single facts planned with
 MAX_JOINT_TRIALS = 60  # sets of several facts planned with, for each size
 MAX_JOINT_MODELS = 400
 MAX_JOINT = 5  # sets of several facts that are enough
+LARGE = 3  # a change is large if it makes so many times as many instances of operators as there are,
+FEW = 300  # or as so many are
 
 _VERBS = ("remove", "add", "change")  # the order in which they are tried
 
@@ -47,12 +49,11 @@ class Advice:
     def smallest(self) -> list[tuple[Amendment, Found]]:
         """The changes of one fact that help; if there are none, those of two facts, then of three.
 
-        Facts that rules compute, objects of another type and goals that hold from the start come last: they
-        are tried only if nothing else helps.
+        They are tried in tiers, a tier only if nothing before it helps (`_tier`).
         """
         tiers: dict[int, list[Candidate]] = defaultdict(list)
         for candidate in single_edits(self.space):
-            tiers[self._tier(candidate.edits[0])].append(candidate)
+            tiers[self._tier(candidate)].append(candidate)
         for _, candidates in sorted(tiers.items()):
             if not self.found:
                 self._single(sorted(candidates, key=lambda each: self._rank(each.edits[0])))
@@ -62,7 +63,7 @@ class Advice:
         return self.found
 
     def _single(self, candidates: Iterable[Candidate]) -> None:
-        useless: set[frozenset[Function]] = set()
+        useless: set[frozenset[str]] = set()
         trials = 0
         for candidate in candidates:
             edit = candidate.edits[0]
@@ -147,10 +148,18 @@ class Advice:
             str(edit),
         )
 
-    def _tier(self, edit: Edit) -> int:
+    def _tier(self, candidate: Candidate) -> int:
+        """Plain facts come first. Then come facts that rules compute but people give, too, objects of another type, facts that
+        rules alone compute, what makes the problem many times as large, and goals that hold from the start.
+        """
+        edit = candidate.edits[0]
         if self.is_goal(edit):
-            return 3
-        return 2 if self._computed(edit) else int(edit.layer == OBJECT and edit.verb == "change")
+            return 5
+        if len(candidate.effect) > LARGE * max(self.space.size, FEW):
+            return 4
+        if self._computed(edit):
+            return 1 if edit.fact.name in self.space.given else 3
+        return 2 if edit.layer == OBJECT and edit.verb == "change" else 0
 
     def _joint_rank(self, candidate: Candidate) -> tuple[object, ...]:
         initial = sum(each.layer == INITIAL for each in candidate.edits)

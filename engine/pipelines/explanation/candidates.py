@@ -10,6 +10,7 @@ from math import prod
 
 from engine.model.explanation import Edit
 from engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, subterms
+from engine.pipelines.explanation.bearing import Bearing
 from engine.pipelines.explanation.relaxation import LOOSENED, MISSED, new_defaults, relaxed_rules
 from engine.pipelines.explanation.space import Space
 from engine.stages.grounding.program import reachable
@@ -18,7 +19,7 @@ from kb.asp.trial import affordable
 from kb.asp.vocabulary import VIOLATED, static_program
 from kb.model.domain import Domain, Kind
 from kb.model.statement import Signature
-from kb.terms import Atom, Function, Term, Variable
+from kb.terms import ANYTHING, Atom, Function, Term, Variable
 
 MAX_CHOICES = 30_000  # ways to fill the arguments of one predicate
 SUSPICIOUS = 1_000  # more than so many are first grounded on trial
@@ -39,12 +40,12 @@ class Opened:
 class Candidate:
     """Edits under which the relaxed task reaches all goals.
 
-    `effect` is what they change for the planner; candidates with the same effect have the same plans. It is
+    `effect` is what they change for the planner, as texts; candidates with the same effect have the same plans. It is
     empty where facts of the initial state are edited.
     """
 
     edits: tuple[Edit, ...]
-    effect: frozenset[Function] = frozenset()
+    effect: frozenset[str] = frozenset()
 
 
 def single_edits(space: Space) -> Iterator[Candidate]:
@@ -52,8 +53,11 @@ def single_edits(space: Space) -> Iterator[Candidate]:
     for signature in space.statics:
         yield from _found(space, Opened((signature,)), 1)
     yield from _found(space, Opened(objects=True), 1)
+    bears = Bearing(space.problem).on_goals
     for signature in fluents(space):
-        yield from _found(space, Opened(fluents=(signature,)), 1)
+        if bears(Function(signature[0], (ANYTHING,) * signature[1])):
+            found = _found(space, Opened(fluents=(signature,)), 1)
+            yield from (each for each in found if any(map(bears, _facts(each.edits[0]))))
 
 
 def joint_edits(space: Space, size: int, limit: int) -> Iterator[Candidate]:
@@ -73,11 +77,9 @@ def _found(space: Space, opened: Opened, size: int, limit: int = MAX_MODELS) -> 
     made = _Choices(space, opened)
     text = "\n".join([*made.lines(), f":- #count {{ F : _assumed(F) }} != {size}."])
     if made.count <= SUSPICIOUS or affordable(text):
-        for shown in models(text, "_shown", limit):
-            edits = tuple(
-                edit(each.arguments[0], space.problem.domain) for each in shown if each.name == "edit"
-            )
-            yield Candidate(edits, frozenset(each for each in shown if each.name != "edit"))
+        for model in models(text, "_shown", "edit", limit):
+            edits = tuple(edit(each.arguments[0], space.problem.domain) for each in model.terms)
+            yield Candidate(edits, model.others)
 
 
 def edit(assumed: Term, domain: Domain) -> Edit:
@@ -246,6 +248,10 @@ def new_name(space: Space, type_: str) -> str:
     while f"{type_}_{number}" in taken:
         number += 1
     return f"{type_}_{number}"
+
+
+def _facts(edit: Edit) -> Iterator[Atom]:
+    return (each for each in (edit.added, edit.removed) if each is not None)
 
 
 def _signature(atom: Atom) -> Signature:

@@ -92,6 +92,16 @@ class Space:
         return frozenset(each.defines[0] for each in self.problem.domain.asp if each.defines and each.body)
 
     @cached_property
+    def given(self) -> frozenset[str]:
+        """The names of static predicates that have facts which nobody computes."""
+        return frozenset(each.name for each in self.problem.statics)
+
+    @cached_property
+    def size(self) -> int:
+        """How many instances of operators the relaxed task has."""
+        return sum(len(self.rows(each)) for each in self.instances)
+
+    @cached_property
     def instances(self) -> tuple[Signature, ...]:
         """The predicates of the relaxed task that hold instances of operators."""
         normaliser = Normaliser()

@@ -107,8 +107,9 @@ class Dynamics:
         """Facts after some came true and others ended, with all that follows.
 
         What is added counts for more than what follows from the end of something: if another tool is held now, the hand is
-        not empty because the old one has left it.
+        not empty because the old one has left it. A quantity has its new value only.
         """
+        gone = (*gone, *self._values_before(facts, added))
         direct = self.semantics.deduce(added, (), frozenset())
         ending = [Denial(atom, deduced=False) for atom in gone]
         change = self.semantics.deduce(added, tuple(ending), facts)
@@ -116,6 +117,16 @@ class Dynamics:
             ending += [Denial(atom, deduced=False) for atom in displaced]
             change = self.semantics.deduce(added, tuple(ending), facts)
         return ((facts - change.ends) | change.adds) - self._overruled(change, direct)
+
+    def _values_before(self, facts: State, added: Sequence[Atom]) -> tuple[Atom, ...]:
+        """The values that quantities have in place of those that are added."""
+        known = self.problem.domain.quantities
+        new = {(each.name, each.arguments[:-1]): each for each in added if each.name in known}
+        return ordered(
+            each
+            for each in facts
+            if each.name in known and new.get((each.name, each.arguments[:-1]), each) != each
+        )
 
     def _overruled(self, change: StepChange, direct: StepChange) -> State:
         """What follows in a change but is denied by what was added itself."""

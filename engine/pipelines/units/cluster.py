@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from engine.pipelines.units.content import program
 from engine.pipelines.units.work import Kind, Unit, one
+from kb.cycles import seldom_searched
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 if TYPE_CHECKING:
@@ -187,7 +188,8 @@ def _one(kind: Kind[Any, Any], unit: Unit[Any]) -> Any:
     """On a worker: carry out a unit, as long as it is wanted."""
     wanted = _Wanted()
     try:
-        return one(kind, unit, wanted.is_over)
+        with seldom_searched():
+            return one(kind, unit, wanted.is_over)
     finally:
         wanted.ended = True
 

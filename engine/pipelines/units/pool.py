@@ -14,6 +14,7 @@ from typing import Any
 from engine.pipelines.units.guard import limited_memory, share
 from engine.pipelines.units.parents import end_with_parent
 from engine.pipelines.units.work import Kind, Unit, one
+from kb.cycles import search_seldom
 
 ENDING = 0.5  # seconds that processes may take to end their searches
 SAFE_PATH = "PYTHONSAFEPATH"  # Python's own variable
@@ -130,6 +131,7 @@ def _listen(stop: Event, megabytes: int) -> None:
     """In a process of the pool: stop its searches and its grounding when `stop` is set, and end with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server may have been started where Ctrl-C was heard
     end_with_parent()
+    search_seldom()
     _STOPS.append(stop)
     limited_memory(megabytes)
 

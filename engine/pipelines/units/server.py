@@ -8,8 +8,11 @@ import ctypes
 import signal
 import sys
 
+from kb.cycles import search_seldom
+
 PR_SET_PDEATHSIG = 1
 
 if any("multiprocessing.forkserver" in each for each in sys.orig_argv):
     with contextlib.suppress(OSError, AttributeError):  # not Linux
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    search_seldom()  # while it loads; the processes look for themselves

@@ -20,7 +20,7 @@ from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.instances import Doubt, Instances
 from engine.stages.grounding.invariants import mutex_groups
 from engine.stages.grounding.layers import axioms
-from engine.stages.grounding.levels import Numbers, with_tests
+from engine.stages.grounding.levels import Numbers, unmeetable, with_tests
 from engine.stages.grounding.limits import suspects
 from engine.stages.grounding.numbering import DERIVED, Numbering, complemented
 from engine.stages.grounding.numeric import COMPARED, without_quantities
@@ -206,7 +206,11 @@ class _Grounding:
         numbers = Numbers(self.taken, self.given.domain, atoms)
         tests = tuple(numbers.comparing(universe, numbering))
         layers = with_tests(layers, tests, numbering, len(atoms))
-        operators = [numbers.changing(complemented(each, numbering)) for each in compiled.operators]
+        never, complete = (
+            unmeetable(tests, numbering),
+            (complemented(o, numbering) for o in compiled.operators),
+        )
+        operators = [numbers.changing(each) for each in complete if not each.preconditions & never]
         derived = layers.derived if layers else 0
         groups = mutex_groups(atoms, operators, compiled.start | complements, derived)
         self.found += ambiguities(self.domain, compiled.doubts, atoms, groups)

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from engine.kernels.bits import bitset
+from engine.kernels.bits import Bits, bitset
 from engine.model.axioms import Axioms
 from engine.model.quantities import UNBOUNDED, Assignment, Comparing, Level, Linear, Met
 from engine.model.task import GroundOperator
@@ -131,6 +131,13 @@ def _calculated(sign: str, left: Sum, right: Sum, term: Term, where: Source) -> 
             return {}, value.arguments[0].value
     message = f"{term} is not linear: quantities can be added, and multiplied by numbers"
     raise InvalidInput([Diagnostic(where, "K107", message, "write it as a sum")])
+
+
+def unmeetable(tests: tuple[Comparing, ...], numbering: Numbering) -> Bits:
+    """The atoms of comparisons that never hold, whatever the values are within their ranges."""
+    never = [each.atom for each in tests if each.settled is False]
+    always = {each.atom for each in tests if each.settled is True}
+    return bitset([*never, *(c for a, c in numbering.complements.items() if a in always)])
 
 
 def with_tests(

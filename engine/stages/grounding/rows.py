@@ -130,8 +130,11 @@ def _row_rule(schema: Schema, vocabulary: Vocabulary) -> tuple[str, int]:
     adds, deletes = _changes(schema, vocabulary)
     parts, names = number_literals(schema.literals, "P")
     added, add_names = number_literals([Literal(e.atom) for e in adds], "E")
-    removed, delete_names = number_literals([Literal(e.atom, False) for e in deletes], "D")
-    columns = [*arguments, *names, *add_names, *delete_names]
+    needed = {each.atom: name for each, name in zip(schema.literals, names, strict=True) if each.positive}
+    unknown = [Literal(e.atom, False) for e in deletes if e.atom not in needed]
+    removed, delete_names = number_literals(unknown, "D")
+    needed |= {each.atom: name for each, name in zip(unknown, delete_names, strict=True)}
+    columns = [*arguments, *names, *add_names, *(needed[each.atom] for each in deletes)]
     head = Function(f"_row_{schema.number}", tuple(map(Variable, columns)))
     return rule(str(head), [*body, *parts, *added, *removed]), len(columns)
 

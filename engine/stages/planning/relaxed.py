@@ -8,71 +8,11 @@ their relaxed plans. It takes one OR per goal and one bit count.
 from collections.abc import Sequence
 
 from engine.model.task import Bits, GroundOperator, indices
+from engine.stages.planning.relaxed_plans import RelaxedPlans
 from engine.stages.planning.supporters import Supporters
 
 FAR = 1 << 60
 MAX_CHARGE = 8  # bits of the costliest operator in a relaxed plan
-
-
-class RelaxedPlans:
-    """The relaxed plan of each atom: None if the atom is unreachable, 0 if it holds already.
-
-    Each plan is made when it is first needed. A plan is a bitset in which every operator has as many bits of
-    its own as its charge, so that the number of bits is the cost.
-    """
-
-    def __init__(self, relaxation: "Relaxation", initial: Bits, supporters: Sequence[int]) -> None:
-        self.initial = initial
-        self._relaxation, self._supporters = relaxation, supporters
-        self._plans: dict[int, Bits | None] = {}
-        self._own: dict[int, Bits] = {}
-        self._bits = 0
-
-    def plan(self, goals: Bits) -> Bits | None:
-        """The union of the goals' relaxed plans; None if a goal is unreachable."""
-        union, plans = 0, self._plans
-        for atom in indices(goals & ~self.initial):
-            plan = plans[atom] if atom in plans else self.to(atom)
-            if plan is None:
-                return None
-            union |= plan
-        return union
-
-    def to(self, atom: int) -> Bits | None:
-        """The relaxed plan of one atom.
-
-        A loop is used instead of recursion, because chains of supporters may be deeper than Python's stack.
-        """
-        plans, waiting = self._plans, [atom]
-        while waiting:
-            last = waiting[-1]
-            supporter = self._supporters[last]
-            needs = self._relaxation.needs[supporter] if supporter >= 0 and last not in plans else ()
-            missing = [need for need in needs if need not in plans]
-            if missing:
-                waiting += missing
-                continue
-            if last not in plans:
-                plans[last] = self._joined(supporter, needs) if supporter >= 0 else self._unsupported(last)
-            waiting.pop()
-        return plans[atom]
-
-    def _unsupported(self, atom: int) -> Bits | None:
-        return 0 if self.initial >> atom & 1 else None
-
-    def _joined(self, supporter: int, needs: Sequence[int]) -> Bits:
-        """The relaxed plan that ends in the operator `supporter`.
-
-        The operator gets its bits when it is first used.
-        """
-        if supporter not in self._own:
-            charge = self._relaxation.charges[supporter]
-            self._own[supporter] = (1 << charge) - 1 << self._bits
-            self._bits += charge
-        union = self._own[supporter]
-        for atom in needs:
-            union |= self._plans[atom] or 0
-        return union
 
 
 class Relaxation:
@@ -105,7 +45,7 @@ class Relaxation:
         supporters = self._search.spread(
             (initial & (1 << 8 * self._width) - 1).to_bytes(self._width, "little"), bound
         )
-        return RelaxedPlans(self, initial, supporters)
+        return RelaxedPlans(initial, self.needs, self.charges, supporters)
 
 
 def levels(initial: Bits, operators: Sequence[GroundOperator], size: int) -> tuple[list[int], list[int]]:

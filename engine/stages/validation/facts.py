@@ -104,10 +104,16 @@ class Deduced(Facts):
     """Facts that are completed with what follows from them when one of the predicates that follow is first asked for."""
 
     def __init__(
-        self, atoms: Iterable[Atom], below: Facts, follow: Collection[str], complete: Callable[[], None]
+        self,
+        atoms: Iterable[Atom] | Facts,
+        below: Facts,
+        follow: Collection[str],
+        complete: Callable[[], None],
     ) -> None:
-        """Facts to which `complete` adds all atoms of the predicates in `follow`."""
-        super().__init__(atoms, below)
+        """Facts to which `complete` adds all atoms of the predicates in `follow`. Those of a layer are shared with it."""
+        super().__init__((), below)
+        layer = atoms if isinstance(atoms, Facts) else Facts(atoms)
+        self._by_name, self._indexes = layer._by_name.copy(), layer._indexes.copy()
         self._follow, self._complete = follow, complete
 
     def _extent(self, name: str) -> Mapping[Atom, None]:

@@ -4,7 +4,7 @@ If they can, the result of a plan may depend on their order.
 """
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -118,11 +118,13 @@ class Interference:
             return f"{one.step.operator} changes {min(changed)}, which {other.step.operator} depends on"
         return ""
 
-    def _denied(self, executed: Executed, exposed: Iterable[Set[Atom]]) -> set[Atom]:
+    def _denied(self, executed: Executed, exposed: Sequence[Set[Atom]]) -> set[Atom]:
         """The exposed atoms that a step denies and does not add."""
         if executed.deductions:
             atoms = set[Atom]().union(*exposed) - executed.change.adds
             return {atom for atom in atoms if executed.denies(atom, self.semantics.statics)}
+        if all(map(executed.denied.isdisjoint, exposed)):
+            return set()
         return {atom for atoms in exposed for atom in executed.denied & atoms} - executed.change.adds
 
     def _reads(self, executed: Executed) -> Reads:
@@ -149,14 +151,15 @@ class Interference:
         Bounds on what is true are tried first. If they are too coarse and few atoms are open, every such
         state is tried.
         """
-        possible = self.everything - reads.false
+        possible = self._possible.after(reads.false, frozenset()) if reads.false else self._possible
         lower, upper = self.semantics.bounds(reads.true, possible)
         if holds(condition, lower, bindings, upper):
             return True
         behind = {
             name for each in literals(condition) for name in self.semantics.fluents_behind(each.atom.name)
         }
-        uncertain = sorted((atom for atom in possible - reads.true if atom.name in behind), key=str)
+        open_ = self.everything - reads.false - reads.true
+        uncertain = sorted((atom for atom in open_ if atom.name in behind), key=str)
         if len(uncertain) > MAX_UNCERTAIN:
             return False
         states = itertools.chain.from_iterable(
@@ -175,6 +178,11 @@ class Interference:
     def everything(self) -> State:
         """Every atom that is true at some time."""
         return self.start.union(*(executed.change.adds for executed in self.executed.values()))
+
+    @cached_property
+    def _possible(self) -> Facts:
+        """The same, as facts."""
+        return Facts(self.everything)
 
     def mentioned(self, condition: Condition, bindings: Bindings) -> Iterator[Atom]:
         """The fluent atoms, or patterns of them, on which a condition can depend."""

@@ -106,7 +106,7 @@ class Semantics:
         """A state as facts on top of the static facts. `Facts.after` makes the next state with less work."""
         return state if isinstance(state, Facts) else Facts(state, self.statics)
 
-    def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom]) -> tuple[Facts, Facts]:
+    def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom] | Facts) -> tuple[Facts, Facts]:
         """What is true in every state between two sets of atoms, and what can be true, with derived atoms."""
 
         def complete() -> None:

@@ -11,7 +11,7 @@ from kb.loader.quantities import child
 from kb.loader.reader import Findings, Reader
 from kb.loader.tree import read_file, read_tree
 from kb.loader.uses.binding import Use, uses_of
-from kb.loader.uses.faults import in_milliseconds, renamed, without_strangers
+from kb.loader.uses.faults import in_milliseconds, renamed, without_operators, without_strangers
 from kb.loader.uses.merging import merged
 from kb.targets import DEVICE_FILE
 
@@ -36,12 +36,11 @@ def composed(reader: Reader, path: Path) -> None:
     if not uses:
         return
     parts = [_tree(use, DEVICE_FILE, reader.findings) for use in uses]
-    parts = [_without(part, HEAD) for part in parts]
+    parts = _leave_out([_without(part, HEAD) for part in parts], child(reader.root, "without"))
     whole = merged([*parts, reader.root], reader.root)
     _ordered(whole, [reader.root, *reversed(parts)], "defaults")  # the first that is not denied holds
     _ordered(whole, [reader.root, *parts], "commands", "phrases")  # an earlier phrase takes precedence
     _heaviest_first(whole)
-    _leave_out(whole)
     reader.root = whole
 
 
@@ -62,7 +61,8 @@ def composed_beside(reader: Reader, domain: Path, form: str) -> None:
     if parts:
         whole = merged([*parts, reader.root], reader.root)
         _ordered(whole, [reader.root, *reversed(parts)], "locations")  # the first that fits a fact counts
-        reader.root = without_strangers(whole) if form == "faults" else whole
+        known = whole if root is None else without_operators(whole, _left_out(root))
+        reader.root = without_strangers(known) if form == "faults" else whole
 
 
 def _prepared(use: Use, part: Node, form: str) -> Node:
@@ -130,14 +130,38 @@ def _weight(node: Node) -> int:
     return int(weight.value) if weight is not None and re.fullmatch(r"\d{1,9}", str(weight.value)) else -1
 
 
-def _leave_out(whole: Node) -> None:
-    """Drop the operators that the domain does not want. Raises `InvalidInput` if there is no such operator."""
-    operators, unwanted = child(whole, "operators"), child(whole, "without")
+def _leave_out(parts: list[Node], unwanted: Node | None) -> list[Node]:
+    """The parts of devices without the operators that the domain does not want. Raises `InvalidInput` if there is no such operator."""
     if unwanted is None or not isinstance(unwanted.value, list):
-        return
-    headers = {key.partition("(")[0]: key for key in operators.value} if operators is not None else {}
+        return parts
+    known = {name for part in parts for name in _operators(part)}
     for item in unwanted.value:
-        if operators is None or str(item.value) not in headers:
-            hint = nearest(str(item.value), headers) or "name an operator of a device"
+        if str(item.value) not in known:
+            hint = nearest(str(item.value), known) or "name an operator of a device"
             raise InvalidInput([Diagnostic(item.where, "K101", f"unknown operator '{item.value}'", hint)])
-        operators.value.pop(headers[str(item.value)], None)
+    gone = {str(item.value) for item in unwanted.value}
+    return [_without_operators(part, gone) for part in parts]
+
+
+def _without_operators(part: Node, gone: set[str]) -> Node:
+    operators = child(part, "operators")
+    if operators is None or not isinstance(operators.value, dict):
+        return part
+    kept = _without(operators, [header for name, header in _operators(part).items() if name in gone])
+    return part._replace(value={**part.value, "operators": (part.value["operators"][0], kept)})
+
+
+def _operators(part: Node) -> dict[str, str]:
+    """The header of each operator of a part, by its name."""
+    operators = child(part, "operators")
+    if operators is None or not isinstance(operators.value, dict):
+        return {}
+    return {str(header).partition("(")[0]: header for header in operators.value}
+
+
+def _left_out(root: Node) -> set[str]:
+    """The operators of devices that a domain leaves out, and does not replace by its own."""
+    unwanted = child(root, "without")
+    if unwanted is None or not isinstance(unwanted.value, list):
+        return set()
+    return {str(item.value) for item in unwanted.value} - set(_operators(root))

@@ -45,6 +45,39 @@ def _scaled(node: Node) -> Node:
     return node._replace(value=value)
 
 
+def without_operators(whole: Node, gone: set[str]) -> Node:
+    """The fault base without what devices say of operators that are gone: their exceptions, and what they carry out."""
+    kept = dict(whole.value)
+    for section in SECTIONS if gone else ():
+        if section in kept and isinstance(kept[section][1].value, dict):
+            key, node = kept[section]
+            left = {name: each for name, each in node.value.items() if _has(each[1], gone)}
+            entries = {name: (place, _rid(each, gone)) for name, (place, each) in left.items()}
+            kept[section] = key, node._replace(value=entries)
+    return whole._replace(value=kept)
+
+
+def _has(node: Node, gone: set[str]) -> bool:
+    """Whether an entry can still be: it is the domain's own, or its operator is there."""
+    told = [child(node, key) for key in ("of", "by")] if node.file.user() is not None else []
+    return not any(each is not None and _named(each) in gone for each in told)
+
+
+def _rid(node: Node, gone: set[str]) -> Node:
+    """An entry of a device whose lists name no operator that is gone."""
+    value = dict(node.value) if isinstance(node.value, dict) and node.file.user() is not None else {}
+    for key in ("blocks", "since"):
+        if key in value and isinstance(value[key][1].value, list):
+            place, named = value[key]
+            kept = [each for each in named.value if _named(each) not in gone]
+            value[key] = place, named._replace(value=kept)
+    return node._replace(value=value) if value else node
+
+
+def _named(node: Node) -> str:
+    return str(node.value).partition("(")[0]
+
+
 def without_strangers(whole: Node) -> Node:
     """The fault base without what a device says for others that are not there.
 

@@ -16,7 +16,7 @@ def merged(parts: Sequence[Node], own: Node) -> Node:
     for part in parts:
         if isinstance(part.value, dict):
             for key, entry in part.value.items():
-                whole[key] = _joined(whole[key], entry, wrong) if key in whole else _copied(entry)
+                whole[key] = _joined(whole[key], entry, wrong, ()) if key in whole else _copied(entry)
     if wrong:
         raise InvalidInput(wrong)
     return own._replace(value=whole)
@@ -31,14 +31,15 @@ def _copied(entry: Entry) -> Entry:
     return key, node._replace(value=dict(node.value)) if isinstance(node.value, dict) else node
 
 
-def _joined(old: Entry, new: Entry, wrong: list[Diagnostic]) -> Entry:
-    """Two entries with the same key. What says nothing gives way."""
+def _joined(old: Entry, new: Entry, wrong: list[Diagnostic], above: tuple[str, ...]) -> Entry:
+    """Two entries with the same key, below the keys `above`. What says nothing gives way."""
     (key, first), (new_key, second) = old, new
+    path = (*above, str(key.value))
     match first.value, second.value:
         case dict(), dict():
             whole: dict[str, Any] = dict(first.value)
             for name, entry in second.value.items():
-                whole[name] = _joined(whole[name], entry, wrong) if name in whole else entry
+                whole[name] = _joined(whole[name], entry, wrong, path) if name in whole else entry
             return new_key, second._replace(value=whole)
         case list(), list():
             return new_key, second._replace(value=_listed(first.value, second.value, str(key.value)))
@@ -48,9 +49,17 @@ def _joined(old: Entry, new: Entry, wrong: list[Diagnostic]) -> Entry:
             return new
     if first.plain() != second.plain():
         place = f"{first.where.path}:{first.where.line}"
-        hint = "say it in one place, or give one of them another name"
-        wrong.append(Diagnostic(new_key.where, "K104", f"'{key.value}' is said otherwise in {place}", hint))
+        said = f"'{key.value}' is said otherwise in {place}"
+        wrong.append(Diagnostic(new_key.where, "K104", said, _remedy(path, new_key)))
     return new
+
+
+def _remedy(path: tuple[str, ...], key: Node) -> str:
+    """What to try where two parts contradict each other: an operator of a device can be replaced by one of the domain."""
+    if path[0] == "operators" and key.file.user() is None:
+        name = path[1].partition("(")[0]
+        return f"give it another name, or have it replace that of the device: `without: [{name}]`"
+    return "say it in one place, or give one of them another name"
 
 
 def _listed(first: list[Node], second: list[Node], key: str) -> list[Node]:

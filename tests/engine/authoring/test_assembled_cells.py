@@ -103,8 +103,15 @@ def test_a_device_can_be_given_a_name(tmp_path: Path) -> None:
     create_with(tmp_path / "cell", ["hotel=plate_hotel", "dispenser"])
     domain = (tmp_path / "cell" / "domain.yaml").read_text("utf-8")
     assert "  hotel: {device: plate_hotel}\n" in domain
-    assert "rack" not in domain  # the hotel is the place for the plates
+    assert "  dispenser: {holder: rack}\n" in domain  # nobody doses into a plate that has another one above it
+    problem = (tmp_path / "cell" / "problems" / "first.yaml").read_text("utf-8")
+    assert "own_depot(probe_1, slot(hotel, 1))" in problem
     assert answer("run", tmp_path / "cell" / "problems" / "first.yaml")[0] == 0
+
+
+def test_what_only_lies_in_a_hotel_needs_no_rack(tmp_path: Path) -> None:
+    written, _ = texts(tmp_path, "cell", ["plate_hotel", "heater_shaker"])
+    assert "rack" not in written["domain.yaml"]
 
 
 @pytest.mark.parametrize("name", ["A", "2nd", "", "bin", "not so"])

@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 from engine.kernels.cancellation import never
-from engine.pipelines.units import carried_out, crew_of
+from engine.pipelines.units import Kind, carried_out, crew_of
+from kb.cycles import SELDOM
 from kb.diagnostics import InvalidInput
-from tests.engine.pipelines.test_units import kind, marks, results, units
+from tests.engine.pipelines.test_units import kind, lost, marks, results, tell_threshold, units
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
@@ -30,6 +31,12 @@ def test_a_cluster_does_what_processes_do(cluster: Any, tmp_path: Path) -> None:
     asked = units(tmp_path, "a", "b", "c")
     address = cluster.address
     assert results(kind(), asked, crew_of(0, address)) == results(kind(), asked, crew_of(1))
+
+
+def test_workers_look_for_cycles_as_rarely_as_the_command_does(cluster: Any, tmp_path: Path) -> None:
+    telling = Kind("test", tell_threshold, lost)
+    found = results(telling, units(tmp_path, "a"), crew_of(0, cluster.address))
+    assert found["a"].split()[0] == str(SELDOM)
 
 
 def test_a_worker_that_dies_is_replaced_and_its_unit_done(cluster: Any, tmp_path: Path) -> None:

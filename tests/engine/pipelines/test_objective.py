@@ -12,6 +12,7 @@ from engine.faces.cli import app
 from engine.model.forecast import makespan
 from engine.model.outcome import Found
 from engine.model.schedule import Timetable
+from engine.pipelines import makespan as makespans
 from engine.pipelines import objective, planning
 from engine.pipelines.objective import Objective
 from engine.pipelines.timetable import timetable
@@ -170,3 +171,13 @@ def test_an_interrupted_call_still_gives_a_plan() -> None:
     run = objective.plan(planning.problem_of("themse/one"), limits)
     assert isinstance(run.outcome, Found)
     assert run.timetable is not None
+
+
+def test_when_the_time_is_over_no_solver_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = planning.problem_of("themse/two")
+    outcome, task = planning.planned(problem)
+    assert isinstance(outcome, Found)
+    monkeypatch.setattr(makespans, "timed", None)  # would fail
+    best, refused = makespans.fastest(problem, task, outcome, Limits(interrupted=lambda: True))
+    assert refused is None
+    assert not validate(problem, best.plan)

@@ -1,5 +1,6 @@
 """Units of work: done once, whoever carries them out, and whatever is killed meanwhile."""
 
+import gc
 import os
 import signal
 import socket
@@ -14,6 +15,7 @@ from engine.kernels.cancellation import never
 from engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, crew_of
 from engine.pipelines.units.content import content, require_same
 from engine.pipelines.units.work import one
+from kb.cycles import SELDOM, seldom_searched
 from kb.diagnostics import InvalidInput
 from kb.store.units import UnitStore
 
@@ -170,3 +172,24 @@ def test_a_missing_extra_is_told_with_what_to_install(monkeypatch: pytest.Monkey
     monkeypatch.setattr("engine.pipelines.units.cluster.find_spec", lambda _: None)
     with pytest.raises(InvalidInput, match=r"cellwright\[cluster\]"):
         crew_of(1, "127.0.0.1:1")
+
+
+def tell_threshold(_job: Job, _interrupted: Any) -> str:
+    return f"{gc.get_threshold()[0]} {gc.get_freeze_count() > 0}"
+
+
+def test_processes_look_for_cycles_as_rarely_as_the_command_does(tmp_path: Path) -> None:
+    telling = Kind("test", tell_threshold, lost)
+    asked = units(tmp_path, "a", "b")
+    assert results(telling, asked, crew_of(2)) == {"a": f"{SELDOM} True", "b": f"{SELDOM} True"}
+
+
+def test_inside_another_program_cycles_are_sought_rarely_for_a_while() -> None:
+    before = gc.get_threshold()
+    try:
+        gc.set_threshold(700, 10, 10)
+        with seldom_searched():
+            assert gc.get_threshold()[0] == SELDOM
+        assert gc.get_threshold() == (700, 10, 10)
+    finally:
+        gc.set_threshold(*before)

@@ -105,6 +105,15 @@ def test_a_condition_that_nothing_makes_true_is_pointed_at(cell: Path) -> None:
     assert "K310" in codes(cell)
 
 
+def test_what_a_cause_makes_true_needs_no_operator(cell: Path) -> None:
+    throw = "operators:\n  throw_out(Item):\n    preconditions: odd(Item)\n    adds: free\n"
+    edit(cell / "domain.yaml", "  free: {}", "  free: {}\n  odd(item): {}")
+    edit(cell / "domain.yaml", "operators:\n", throw)
+    assert {"K304", "K310"} <= set(codes(cell))
+    edit(cell / "faults.yaml", "    adds: at(Item, gripper)\n", "    adds: at(Item, gripper), odd(Item)\n")
+    assert not {"K304", "K310"} & set(codes(cell))
+
+
 def test_an_operator_that_no_problem_can_apply_is_pointed_at(cell: Path) -> None:
     edit(cell / "domain.yaml", "where: belongs(Item, Bin)", "where: belongs(Item, Bin), Item = Bin")
     assert "K304" in codes(cell)

@@ -251,3 +251,30 @@ def test_a_domain_without_such_objects_points_to_its_problems() -> None:
     with pytest.raises(InvalidInput, match="there is no tube 4") as refused:
         understand(load_domain("centrifuge"), "cap tube 4")
     assert "give the command to a problem that has a tube" in refused.value.diagnostics[0].hint
+
+
+@pytest.mark.parametrize(
+    ("said", "codes"),
+    [
+        ("heat probe 99 for 5 min, cool it for 5 min and store", ["K603"]),
+        ("heat probe 99 for 5 min, cool probe 98 for 5 min and store", ["K603", "K603"]),
+        ("heat it for 5 min and store probe 99", ["K603", "K603"]),
+    ],
+)
+def test_what_leans_on_something_unclear_is_not_told_as_well(
+    said: str, codes: list[str], themse: Domain
+) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        understand(themse, said)
+    assert [each.code for each in refused.value.diagnostics] == codes
+
+
+def test_a_misspelt_word_is_said_to_be_one_of_the_domain(tmp_path: Path) -> None:
+    (tmp_path / "domain.yaml").write_text(
+        "domain: foils\ntypes: {plate: object}\nobjects: {plate: [plate_1]}\nfluents:\n  sealed(plate): {}\n"
+        'commands:\n  phrases:\n    - say: "seal {P:plate}"\n      goal: sealed(P)\n',
+        "utf-8",
+    )
+    with pytest.raises(InvalidInput) as refused:
+        understand(load_domain(str(tmp_path)), "seel plate 1")
+    assert "did you mean 'seal'?" in refused.value.diagnostics[0].hint

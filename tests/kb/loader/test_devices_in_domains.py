@@ -167,6 +167,33 @@ def test_operators_can_be_left_out(tmp_path: Path) -> None:
     )
 
 
+def test_faults_of_an_operator_that_is_left_out_are_left_out(tmp_path: Path) -> None:
+    use = "  gripper: {}\n  shaker: {lasts: 1 s}\n"
+    model, _ = load_faults(cell(tmp_path, use, "without: [sense, shake]\n"))
+    assert not {"sensor_silent", "stalled"} & set(model.exceptions)
+    assert "grip_failed" in model.exceptions
+    assert all(each.by is None or each.by.name != "sense" for each in model.tests.values())
+
+
+def test_an_operator_of_the_domain_takes_the_place_of_one_that_is_left_out(tmp_path: Path) -> None:
+    own = """\
+operators:
+  shake(Probe, Depot):
+    where: part_of(Depot, shaker)
+    preconditions: at(Probe, Depot)
+    adds: shaken(Probe)
+    resources: Probe
+    duration: 7 s
+"""
+    use = "  gripper: {}\n  shaker: {lasts: 90 s}\n"
+    path = cell(tmp_path, use, f"without: [shake]\n{own}")
+    shake = next(each for each in load(path).domain.operators if each.name == "shake")
+    assert str(shake.duration) == "7"
+    assert "stalled" in load_faults(path)[0].exceptions
+    found = refused(cell(tmp_path, use, own))
+    assert (found.code, "`without: [shake]`" in found.hint) == ("K104", True)
+
+
 def test_every_device_of_the_engine_has_a_head_that_says_what_it_is(tmp_path: Path) -> None:
     devices = all_devices(tmp_path)
     assert len(devices) >= 14

@@ -6,6 +6,7 @@ is as good as the whole one is proved on it; where it is not, the caller grounds
 """
 
 from engine.stages.grounding.need.faithful import faithful, without_irrelevant
+from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.need.thinning import Named, Thinned, thinned
 
-__all__ = ["Named", "Thinned", "faithful", "thinned", "without_irrelevant"]
+__all__ = ["Named", "Thinned", "faithful", "relevance", "thinned", "without_irrelevant"]

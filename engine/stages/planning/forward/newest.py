@@ -7,7 +7,6 @@ repeats a step, the state after all these steps is a successor, too.
 
 import heapq
 import itertools
-import random
 from typing import NamedTuple
 
 from engine.model.task import Task, indices
@@ -17,6 +16,7 @@ from engine.stages.planning.forward.evaluation import Evaluation
 from engine.stages.planning.forward.repeating import distance
 from engine.stages.planning.forward.search import planned, with_one_goal
 from engine.stages.planning.forward.transitions import Novelty
+from engine.stages.planning.ties import chance
 
 
 class Node(NamedTuple):
@@ -37,7 +37,7 @@ class Newest:
         self._distance = distance(self.operators, indices(self._goals), task.axioms, self._space.width)
         self._novelty = Novelty(self._space.width, self._space.quantities)
         self._fronts = fronts(self.operators, self._goals, task.axioms, self._space)
-        self._random, self._counter = random.Random(seed) if seed else None, itertools.count()
+        self._random, self._counter = chance(seed), itertools.count()
         self._nodes = [Node(self._space.packed(task.initial), -1, -1)]
         self._queue = [(0, 0, 0, 0)]  # how new, how far, what breaks ties, and the number of the node
 

@@ -7,7 +7,6 @@ for tasks that have too many nodes for regression. Compiled kernels evaluate the
 import copy
 import heapq
 import itertools
-import random
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,6 +19,7 @@ from engine.stages.planning.forward.dominance import fronts
 from engine.stages.planning.forward.evaluation import Evaluation
 from engine.stages.planning.forward.landmarks import Landmarks
 from engine.stages.planning.forward.suggestions import Suggestions
+from engine.stages.planning.ties import chance
 from kb.terms import Function
 
 UNKNOWN = 1 << 60
@@ -89,7 +89,7 @@ class Forward:
     def _begin(self, seed: int) -> None:
         """Nothing is searched yet."""
         self._counter = itertools.count()
-        self._random = random.Random(seed) if seed else None
+        self._random = chance(seed)
         self._queues: list[list[Batch]] = [
             [] for _ in range(4)
         ]  # by relaxed plans: all, preferred; by landmarks: all, preferred

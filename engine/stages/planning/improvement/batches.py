@@ -13,6 +13,7 @@ from engine.model.task import Bits, GroundOperator, Task
 from engine.stages.planning.effort import Effort, OutOfRange
 from engine.stages.planning.elimination import eliminate, reached
 from engine.stages.planning.improvement.late import late
+from engine.stages.planning.improvement.needless import without_needless
 from engine.stages.planning.improvement.rounds import Steps, cost
 from engine.stages.planning.improvement.stretches import Stretch, stretches
 from engine.stages.planning.variants import plainly
@@ -35,7 +36,7 @@ def fewer(
     """
     if not _affords(effort, steps):
         return
-    best, expansions = needed(task, steps), FIRST
+    best, expansions = needed(task, steps, effort), FIRST
     yield best
     while not effort.over() and expansions <= MOST:
         tried: Tried = set()
@@ -47,13 +48,14 @@ def fewer(
         expansions *= 2
 
 
-def needed(task: Task, steps: Sequence[GroundOperator]) -> Steps:
+def needed(task: Task, steps: Sequence[GroundOperator], effort: Effort) -> Steps:
     """The steps of a plan that it needs, with every stage reached as early as possible."""
     settled = early(task, steps)
     plain = [replace(each) for each in plainly(task, settled)]  # no two of them are the same object
     kept = {id(each) for each in eliminate(task.initial, plain, reached(task, settled))}
     left = [step for step, each in zip(settled, plain, strict=True) if id(each) in kept]
-    return left if _reaches(task, left) else settled
+    left = left if _reaches(task, left) else settled
+    return left if task.axioms is None else without_needless(task, left, effort)
 
 
 def _better(task: Task, best: Steps, effort: Effort, expansions: int, tried: Tried) -> Steps | None:
@@ -74,7 +76,7 @@ def _better(task: Task, best: Steps, effort: Effort, expansions: int, tried: Tri
         part = effort.part(expansions)
         trial = _replaced(task, ordered, stretch, state, seed, part)
         effort.add(part)
-        if trial and _affords(effort, trial) and cost(kept := needed(task, trial)) < cost(best):
+        if trial and _affords(effort, trial) and cost(kept := needed(task, trial, effort)) < cost(best):
             return kept
     return None
 

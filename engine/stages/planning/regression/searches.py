@@ -6,13 +6,16 @@ that a restart takes another way.
 
 import heapq
 import itertools
-import random
 from collections.abc import Iterator, Sequence
 
 from engine.model.task import Bits
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
-from engine.stages.planning.regression.space import Backward, Node, Successor
+from engine.stages.planning.regression.expansion import Successor
+from engine.stages.planning.regression.space import Backward, Node
 from engine.stages.planning.relaxed import FAR
+from engine.stages.planning.ties import chance
+
+OPEN = 3  # the place of the open conditions in a successor
 
 
 class Climb:
@@ -23,7 +26,7 @@ class Climb:
 
     def __init__(self, space: Backward, root: Node, seed: int = 0) -> None:
         self.space, self.root = space, root
-        self._random = random.Random(seed) if seed else None
+        self._random = chance(seed)
         self._closed: set[Bits] = {root.open}
         self._stack: list[tuple[Node, Iterator[Successor]]] | None = None
 
@@ -42,11 +45,11 @@ class Climb:
             if effort.spent():
                 return None
             node, successors = self._stack[-1]
-            successor = next((each for each in successors if each.open not in self._closed), None)
+            successor = next((each for each in successors if each[OPEN] not in self._closed), None)
             if successor is None:
                 self._stack.pop()
                 continue
-            self._closed.add(successor.open)
+            self._closed.add(successor[OPEN])
             node = self.space.following(node, successor)
             if node.open & ~self.space.initial == 0:
                 return self.space.regression.plan(node)
@@ -55,7 +58,7 @@ class Climb:
 
     def _ordered(self, node: Node, effort: Effort) -> Iterator[Successor]:
         effort.expanded += 1
-        found = list(self.space.successors(node))
+        found = self.space.successors(node)
         effort.generated += len(found)
         if self._random:
             self._random.shuffle(found)
@@ -100,13 +103,14 @@ class BestFirst:
 
     def _expand(self, node: Node, effort: Effort) -> None:
         effort.expanded += 1
-        best, charges = self._best, self.space.regression.charges
+        best, charges = self._best, self.space.regression.indexed.charges
         for successor in self.space.successors(node, self.below - node.cost):
-            cost = node.cost + charges[successor.operator]
-            known = best.get(successor.open)
+            lightness, estimate, operator, open_ = successor
+            cost = node.cost + charges[operator]
+            known = best.get(open_)
             if known is None or cost < known:
-                best[successor.open] = cost
+                best[open_] = cost
                 effort.generated += 1
-                key = cost + self.greed * successor.estimate
-                entry = (key, successor.lightness, next(self._counter), node, successor)
+                key = cost + self.greed * estimate
+                entry = (key, lightness, next(self._counter), node, successor)
                 heapq.heappush(self._queue, entry)

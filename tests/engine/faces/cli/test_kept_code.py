@@ -1,14 +1,15 @@
-"""Dataclasses are the same, whether their methods were compiled now or by an earlier run."""
+"""Dataclasses and expressions are the same, whether they were compiled now or by an earlier run."""
 
 import dataclasses
 import marshal
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from engine.faces.cli.kept_methods import Methods
+from engine.faces.cli.kept_code import KeptCode, keep_patterns
 
 SETTINGS = [
     {"frozen": True, "slots": True},
@@ -48,10 +49,10 @@ def test_classes_with_kept_methods_behave_as_those_of_the_standard_library(
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     expected = behaviour(made(settings))
     for run in ("compiles", "finds"):
-        methods = Methods(tmp_path / "folder" / "methods")
+        methods = KeptCode(tmp_path / "folder" / "methods")
         monkeypatch.setitem(vars(dataclasses), "exec", methods.run)
         if run == "finds":
-            monkeypatch.setitem(vars(sys.modules[Methods.__module__]), "compile", None)  # would fail
+            monkeypatch.setitem(vars(sys.modules[KeptCode.__module__]), "compile", None)  # would fail
         assert behaviour(made(settings)) == expected
         methods.keep()
     assert [each.name for each in (tmp_path / "folder").iterdir()] == ["methods"]
@@ -64,7 +65,7 @@ def test_a_damaged_file_or_one_of_another_python_counts_for_nothing(tmp_path: Pa
     file = tmp_path / "methods"
     file.write_bytes(content)
     space: dict[str, int] = {}
-    Methods(file).run("a = 3", {}, space)
+    KeptCode(file).run("a = 3", {}, space)
     assert space == {"a": 3}
 
 
@@ -74,7 +75,62 @@ def test_nothing_is_written_where_python_writes_no_bytecode_or_cannot(
     (tmp_path / "file").touch()
     for file, refused in ((tmp_path / "methods", True), (tmp_path / "file" / "methods", False)):
         monkeypatch.setattr(sys, "dont_write_bytecode", refused)
-        methods = Methods(file)
+        methods = KeptCode(file)
         methods.run("a = 3", {})
         methods.keep()
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
+
+
+EXPRESSIONS = [
+    ("(?P<one>a+)|(b)(?P<two>[^x-z])*", 0),
+    ("^é.$", re.IGNORECASE | re.MULTILINE),
+    (rb"(\d+)(?:\1)?", re.ASCII),
+]
+
+
+@pytest.fixture
+def compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Puts the compiler of expressions back at the end. What was compiled may be kept."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    for name in ("_sre", "compile"):
+        monkeypatch.setattr(vars(re)["_compiler"], name, getattr(vars(re)["_compiler"], name))
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize(("expression", "flags"), EXPRESSIONS)
+def test_kept_expressions_match_as_those_of_the_standard_library(
+    tmp_path: Path, expression: str | bytes, flags: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    re.purge()
+    expected = told(re.compile(expression, flags))
+    for run in ("compiles", "finds"):
+        code = KeptCode(tmp_path / "kept")
+        keep_patterns(code)
+        if run == "finds":
+            monkeypatch.setattr(vars(re)["_compiler"], "_code", None)  # would fail
+        re.purge()
+        space = {"re": re, "expression": expression, "flags": flags}
+        exec("found = re.compile(expression, flags)", space)  # as a module does
+        assert told(space["found"]) == expected
+        code.keep()
+
+
+def told(made: Any) -> list[object]:
+    """What an expression finds, and what it says of itself."""
+    texts: list[Any] = ["aab", "bq", "Éa\nxéb", "1212 77 3"]
+    if isinstance(made.pattern, bytes):
+        texts = [each.encode() for each in texts]
+    found = [
+        [(each.span(), each.groups(), each.groupdict()) for each in made.finditer(text)] for text in texts
+    ]
+    return [found, made.flags, made.groups, dict(made.groupindex), repr(made), hash(made) == hash(made)]
+
+
+@pytest.mark.usefixtures("compiler")
+def test_expressions_of_functions_are_not_kept(tmp_path: Path) -> None:
+    code = KeptCode(tmp_path / "kept")
+    keep_patterns(code)
+    re.purge()
+    assert re.compile("something(?= odd)")
+    code.keep()
+    assert not code.file.exists()

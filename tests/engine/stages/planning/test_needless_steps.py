@@ -1,0 +1,99 @@
+"""Plans with quantities: no step that they can do without, and stages that another order of the steps reaches sooner."""
+
+from pathlib import Path
+
+import pytest
+
+from engine.model.replay import instances, replayed
+from engine.model.task import GroundOperator, Task
+from engine.pipelines.planning import check_plan
+from engine.pipelines.timetable.blocked import operators_of
+from engine.stages.grounding import ground
+from engine.stages.planning.effort import Effort
+from engine.stages.planning.elimination import reached
+from engine.stages.planning.improvement.deorder import deorder
+from engine.stages.planning.improvement.needless import without_needless
+from engine.stages.planning.variants import plainly
+from kb.asp import ground_term
+from kb.loader import load_problem
+from kb.model.problem import Problem
+from kb.terms import Function
+
+DOMAIN = """
+domain: sealing
+types: {plate: object}
+quantities:
+  foils: 0..9
+fluents:
+  sealed(plate): {}
+events:
+  dosed(plate): {}
+operators:
+  seal(Plate):
+    preconditions: not sealed(Plate), foils >= 1
+    adds: sealed(Plate)
+    decrease: {foils: 1}
+    resources: sealer
+    duration: 12 s
+  unseal(Plate):
+    preconditions: sealed(Plate)
+    deletes: sealed(Plate)
+    resources: sealer
+    duration: 20 s
+  dose(Plate):
+    preconditions: not sealed(Plate)
+    adds: dosed(Plate)
+    resources: pipettor, Plate
+    duration: 4 s
+"""
+PROBLEM = """
+problem: one
+domain: sealing
+objects: {plate: [p, q]}
+initial: [foils(9)]
+workflow:
+  - for: {P: [p, q]}
+    stages: dosed(P), sealed(P)
+"""
+ROUNDABOUT = ("seal(p)", "unseal(p)", "dose(p)", "seal(p)", "seal(q)", "unseal(q)", "dose(q)", "seal(q)")
+
+
+@pytest.fixture
+def problem(tmp_path: Path) -> Problem:
+    (tmp_path / "problems").mkdir()
+    (tmp_path / "domain.yaml").write_text(DOMAIN, "utf-8")
+    (tmp_path / "problems" / "one.yaml").write_text(PROBLEM, "utf-8")
+    return load_problem(tmp_path / "problems" / "one.yaml")
+
+
+def steps_of(task: Task, said: tuple[str, ...]) -> list[GroundOperator]:
+    names = [term for each in said if isinstance(term := ground_term(each), Function)]
+    found = replayed(task, instances(task), task.initial, names)
+    assert found is not None
+    return found
+
+
+def names(steps: list[GroundOperator]) -> list[str]:
+    return [str(step.instance) for step in steps if not step.instance.name.startswith("_")]
+
+
+def test_steps_are_needless_though_others_follow_their_quantities(problem: Problem) -> None:
+    task = ground(problem)
+    left = without_needless(task, steps_of(task, ROUNDABOUT), Effort(1 << 30))
+    assert names(left) == ["dose(p)", "seal(p)", "dose(q)", "seal(q)"]
+
+
+def test_without_effort_no_step_is_dropped(problem: Problem) -> None:
+    task = ground(problem)
+    left = without_needless(task, steps_of(task, ROUNDABOUT), Effort(0, most=0))
+    assert names(left) == list(ROUNDABOUT)
+
+
+def test_another_order_may_reach_a_stage_with_an_earlier_step(problem: Problem) -> None:
+    task = ground(problem)
+    made = plainly(task, steps_of(task, ROUNDABOUT[:4] + ROUNDABOUT[6:]))
+    steps, goals = operators_of(task, deorder(task, made, reached(task, made)))
+    order = [2, 0, 1, 3, 4, 5]  # p is dosed before it is sealed for the first time
+    assert [str(steps[n].instance) for n in order[:4]] == ["dose(p)", "seal(p)", "unseal(p)", "seal(p)"]
+    plan = deorder(task, [steps[n] for n in order], goals, [100 * n for n in range(6)])
+    assert check_plan(problem, plan) == []
