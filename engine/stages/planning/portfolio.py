@@ -32,6 +32,7 @@ LANDMARKS = Turn(8000, 1_000_000)
 REGRESSION = Turn(500, 100_000)
 FORWARD = Turn(1000, 250_000)
 MODELS = Turn(500)
+LAYERED, RESTARTED, SHORT = Turn(4000, 500_000), Turn(2000, 250_000), Turn(500, 60_000)
 BEGINNING = Turn(500, 25_000)  # landmarks and forward, with quantities
 NOVELTY = Turn(2000, 100_000)
 ALONE = Turn(4000)  # best-first regression, if it takes turns only with restarts
@@ -78,7 +79,7 @@ def auto(setting: Setting, effort: Effort) -> SearchResult | None:
     """A short backward search first.
 
     Then landmarks, backward, forward and stable models take turns that double in length. With quantities, landmarks, novelty
-    and forward take turns.
+    and forward take turns, and where only forward searches can plan, landmarks, short searches by chance and forward.
     """
     if setting.regression is None:
         return _in_turns(_numeric(setting) if setting.numeric else _forwards(setting), effort)
@@ -132,7 +133,12 @@ Turns = Sequence[tuple[Callable[[Effort], SearchResult | None], Turn]]
 
 
 def _forwards(setting: Setting) -> Turns:
-    return [(_later(setting, landmarks), LANDMARKS), (_later(setting, forward), FORWARD)]
+    """The searches for tasks with derived atoms, and for those with very many conditional effects."""
+    return [
+        (_later(setting, landmarks), LAYERED),
+        (lambda effort: setting.restarts.run(effort), RESTARTED),
+        (_later(setting, forward), SHORT),
+    ]
 
 
 def _numeric(setting: Setting) -> Turns:

@@ -1,7 +1,7 @@
 """A task ready for search: the searches that strategies run, each made when it is first used."""
 
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from engine.model.task import Task
 from engine.stages.planning.composites import NO_MACROS, Macros
@@ -10,6 +10,9 @@ from engine.stages.planning.regression.mutexes import mutexes
 from engine.stages.planning.regression.searches import BestFirst, Climb
 from engine.stages.planning.regression.space import Backward, Regression
 from engine.stages.planning.variants import FORWARD_ONLY, TooManyVariants, unconditional
+
+if TYPE_CHECKING:
+    from engine.stages.planning.forward.search import Forward
 
 DETOUR = 2  # a plan that costs this many times its relaxed plan may be far from the best
 ROOM = 1_500_000  # steps times conditions and effects, up to which stable models are grounded
@@ -59,7 +62,7 @@ class Setting:
         return Chaining(self, self.regression)
 
     @cached_property
-    def forward(self) -> Search:
+    def forward(self) -> "Forward":
         """The forward search by relaxed plans."""
         from engine.stages.planning.forward.search import (
             forward,  # imported here, so that compiled kernels are loaded only if needed
@@ -68,11 +71,18 @@ class Setting:
         return forward(self.task, self.seed, patterns=self.macros.forward)
 
     @cached_property
-    def landmarks(self) -> Search:
+    def landmarks(self) -> "Forward":
         """The forward search by relaxed plans and landmarks."""
         from engine.stages.planning.forward.search import forward
 
         return forward(self.task, self.seed, landmarks=True, patterns=self.macros.forward)
+
+    @cached_property
+    def restarts(self) -> Search:
+        """Short forward searches by chance, with and without landmarks in turn."""
+        from engine.stages.planning.forward.restarts import Restarts
+
+        return Restarts([lambda: self.forward, lambda: self.landmarks], self.seed)
 
     @cached_property
     def novelty(self) -> Search:

@@ -4,6 +4,7 @@ Preferred operators have queues of their own (Richter & Helmert 2009; Richter & 
 for tasks that have too many nodes for regression. Compiled kernels evaluate the states.
 """
 
+import copy
 import heapq
 import itertools
 from collections.abc import Sequence
@@ -82,6 +83,11 @@ class Forward:
         self._space = self.evaluate.space
         self.initial = self._space.packed(initial)
         self._landmarks = self._found_landmarks(size) if landmarks else None
+        self._given, self._axioms, self._bound = operators, axioms, bound
+        self._begin(seed)
+
+    def _begin(self, seed: int) -> None:
+        """Nothing is searched yet."""
         self._counter = itertools.count()
         self._random = chance(seed)
         self._queues: list[list[Batch]] = [
@@ -89,9 +95,15 @@ class Forward:
         ]  # by relaxed plans: all, preferred; by landmarks: all, preferred
         self._priorities = [0] * 4
         self._nodes: list[Node] = []
-        self._fronts = fronts(operators, goals, axioms, self._space)
+        self._fronts = fronts(self._given, self._goals, self._axioms, self._space)
         self._best = [UNKNOWN, UNKNOWN]
-        self._bound, self._spent = bound, list[int]()  # what each node cost, if there is a bound
+        self._spent = list[int]()  # what each node cost, if there is a bound
+
+    def again(self, seed: int) -> "Forward":
+        """The same search from its beginning, with another seed. The two share what evaluates states, so they may take turns."""
+        fresh = copy.copy(self)
+        fresh._begin(seed)
+        return fresh
 
     def _found_landmarks(self, size: int) -> Landmarks:
         hidden = (1 << self.evaluate.size) - (1 << size)
