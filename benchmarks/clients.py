@@ -1,12 +1,14 @@
 """A hundred cells that share one library in PostgreSQL: how long lookups take, and whether an update is lost.
 
-    python benchmarks/clients.py [--clients N] [--lookups N] [--every S] [--macrops N] [--points N] [--warm N] [--ahead N] [--json FILE]
+    python benchmarks/clients.py [--clients N] [--lookups N] [--every S] [--macrops N] [--points N] [--warm N] [--json FILE]
 
-Each client is a process with connections of its own. It fetches its part of the library, reads `--ahead` MACROPs, and looks up `--warm`
-days: then it has in memory what a cell has that has run for a while. When all have done so, they begin. Every `--every` seconds on average
+Each client is a process with connections of its own. It looks up as `cellwright.plan` does in a program that plans again and again: the
+library stays open and is read ahead (`engine.pipelines.reuse.standing`). After `--warm` days it has in memory what a cell has that has run
+for a while. When all have done so, they begin. Every `--every` seconds on average
 a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use, counts a trial in a row that
 all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it, and writes it if nobody else
-has; else again). Every tenth time it stores a MACROP, too. The lookup is from the query to the plan, in seconds of the clock. The lookups
+has; else again). Every tenth time it stores a MACROP, too. The lookup is from the query to the plan, in seconds of the clock, with
+the question whether the library still holds what was read. The lookups
 of the beginning are told apart. Exits with 1 if the 99th percentile is above 20 ms, or if anything is lost.
 """
 
@@ -30,9 +32,12 @@ from macros import Bench, lessons
 from points import Day, again, different_days
 from postgres import server
 
+from engine.pipelines.reuse.standing import standing
 from engine.stages.macros.lookup.lookup import Hit
 from engine.stages.macros.lookup.query import Query, query
-from engine.stages.macros.lookup.repertoire import AHEAD, Repertoire, record_of
+from engine.stages.macros.lookup.repertoire import record_of
+from engine.stages.planning import Limits
+from kb.model.domain import Domain
 from kb.model.macro import Macrop
 from kb.store import Library, loads
 from kb.store.cases import Cases, ClosedCase
@@ -74,7 +79,8 @@ class Client:
 
     number: int
     asked: argparse.Namespace
-    repertoire: Repertoire
+    url: str
+    domain: Domain
     library: Library
     sequences: Sequences
     cases: Cases
@@ -82,12 +88,9 @@ class Client:
     told: Told = dataclasses.field(default_factory=Told)
 
     def warm_up(self, queries: Sequence[Query]) -> None:
-        """Fetch the library, read MACROPs ahead, and look up some days."""
-        self.repertoire.load()
-        self.repertoire.read_ahead(self.asked.ahead)
+        """Look up some days; meanwhile the library is read."""
         times = [self._found(each)[0] for each in queries]
         self.told.first_s, self.told.warm_s = times[0] if times else 0.0, times[1:]
-        self.repertoire.flush()
 
     def work(self, queries: Sequence[Query]) -> None:
         """Look days up, from time to time, and write after each."""
@@ -102,13 +105,13 @@ class Client:
 
     def _found(self, asked: Query) -> tuple[float, Hit | None]:
         began = time.perf_counter()
-        hit = self.repertoire.find(asked)
-        lasted = time.perf_counter() - began
+        with standing(self.url, self.domain, Limits()) as practice:  # its end counts the use
+            hit = practice.repertoire(self.domain).find(asked)
+            lasted = time.perf_counter() - began
         self.told.uses += hit is not None
         return lasted, hit
 
     def _write(self, turn: int, hit: Hit | None) -> None:
-        self.repertoire.flush()
         self.library.note_trial(*SHARED, hit is not None)
         moved_on(self.sequences, self.told, f"{self.number}_{turn}")
         told = ((f"c{self.number}", f"t{turn}"),)
@@ -135,8 +138,7 @@ def client(
     queries = [each for each in posed if each is not None]
     gc.freeze()  # what the benchmark itself keeps in memory is none of lookup's concern
     with Library(url) as library, Sequences(url) as sequences, Cases(url) as cases:
-        repertoire = Repertoire(library, bench.problem.domain)
-        one = Client(number, asked, repertoire, library, sequences, cases, draw)
+        one = Client(number, asked, url, bench.problem.domain, library, sequences, cases, draw)
         one.warm_up(queries[: asked.warm])
         ready()
         one.work(queries[asked.warm :])
@@ -245,7 +247,6 @@ def main() -> int:
     parser.add_argument("--macrops", type=int, default=300)
     parser.add_argument("--points", type=int, default=60)
     parser.add_argument("--warm", type=int, default=20)
-    parser.add_argument("--ahead", type=int, default=AHEAD)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     days = different_days(asked.macrops, 14, SEED)

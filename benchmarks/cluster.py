@@ -4,7 +4,7 @@
 
 Each problem has a cell of its own (a copy of `themse`), so that none serves another and the store does not depend on who is first.
 `speed`: the problems are prepared with one process, with two, and by a cluster with two workers, in turns; seconds of the clock, and
-of the processor, because other work on the machine slows two processes more than one. `mishaps`: a worker, the scheduler, the command
+of the processor, because other work on the machine slows two processes more than one; so what that took of the processor is told, too. `mishaps`: a worker, the scheduler, the command
 or the database is killed at a random moment; what was killed is started again, and the command, until it has finished. Then the store
 must be the one of an undisturbed preparation, counts too, and no unit that was noted as finished may have been carried out again (its
 MACROP would count a use). With `--json` what was tried is kept there, and the next call goes on behind it. Exits with 1 if two are less than 1.8 times as fast as
@@ -75,8 +75,8 @@ class Tally:
             self.file.write_text(json.dumps(self.content, indent=1) + "\n", "utf-8")
 
 
-def prepared(chosen: Path, store: Path, *how: str) -> tuple[float, float]:
-    """Seconds of the clock and of the processor that a preparation takes into a new store."""
+def prepared(chosen: Path, store: Path, *how: str) -> tuple[float, float, float]:
+    """Seconds of the clock and of the processor that a preparation takes into a new store, and of the processor that others took."""
     for each in store.parent.glob(f"{store.name}*"):
         each.unlink()
     hear, tell = os.pipe()
@@ -88,10 +88,18 @@ def prepared(chosen: Path, store: Path, *how: str) -> tuple[float, float]:
         finally:
             os._exit(0)
     os.close(tell)
+    before = _busy()
     with os.fdopen(hear) as file:
         clock, spent = json.load(file)
     os.waitpid(child, 0)
-    return clock, spent
+    return clock, spent, max(0.0, _busy() - before - spent)
+
+
+def _busy() -> float:
+    """Seconds that all processors of this machine have worked since it began (Linux)."""
+    with open("/proc/stat") as file:
+        user, nice, system, *_ = (int(each) for each in file.readline().split()[1:])
+    return (user + nice + system) / os.sysconf("SC_CLK_TCK")
 
 
 def _spent(compiled: Path, *command: str) -> tuple[float, float]:
@@ -126,23 +134,28 @@ def speed(asked: argparse.Namespace, tally: Tally) -> bool:
         while len(tally.content["speed"]) < asked.pairs:
             row = {"problems": asked.problems, "load": os.getloadavg()[0]}
             found = {way: prepared(chosen, folder / "speed.db", *how) for way, how in ways.items()}
-            row |= {way: {"clock_s": clock, "processor_s": spent} for way, (clock, spent) in found.items()}
+            names = ("clock_s", "processor_s", "others_s")
+            row |= {way: dict(zip(names, times, strict=True)) for way, times in found.items()}
             tally.note("speed", row)
     rows = tally.content["speed"]
     print(
-        "| problems | load | one (s, s of the processor) | two | times as fast | cluster of two | times as fast |"
+        "| problems | load | one (s, s of the processor, of others) | two | times as fast | cluster of two | times as fast |"
     )
     print("|--:|--:|--:|--:|--:|--:|--:|")
     for row in rows:
         one, two, by = row["one"], row["two"], row["cluster"]
         print(
-            f"| {row['problems']} | {row['load']:.1f} | {one['clock_s']:.1f}, {one['processor_s']:.1f} "
-            f"| {two['clock_s']:.1f}, {two['processor_s']:.1f} | {one['clock_s'] / two['clock_s']:.2f} "
+            f"| {row['problems']} | {row['load']:.1f} | {_told(one)} "
+            f"| {_told(two)} | {one['clock_s'] / two['clock_s']:.2f} "
             f"| {by['clock_s']:.1f} | {one['clock_s'] / by['clock_s']:.2f} |"
         )
     gain = statistics.median(row["one"]["clock_s"] / row["two"]["clock_s"] for row in rows)
     print(f"median gain of two processes {gain:.2f}, bar {BAR}")
     return gain >= BAR
+
+
+def _told(way: dict[str, float]) -> str:
+    return f"{way['clock_s']:.1f}, {way['processor_s']:.1f}, {way['others_s']:.1f}"
 
 
 @contextmanager

@@ -134,7 +134,7 @@ def plan(
                 name_of(target), problem, lambda each: planned_alone(each, limits, wish, who), seed, library
             )
             return Planned(Made(moving.run, moving.problem, moving=moving), library)
-        run, origin = planned(problem, limits, wish, who, library, folded=False)
+        run, origin = planned(problem, limits, wish, who, library, folded=False, stays=True)
     return Planned(Made(run, problem, origin), library)
 
 

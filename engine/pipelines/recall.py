@@ -1,9 +1,13 @@
 """Plans made with a library of MACROPs, or without one: what is known already is used, and what is new is learned."""
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from engine.pipelines.objective import Objective, Order, Run
+    from engine.pipelines.reuse import Practice
     from engine.stages.planning import Limits
     from kb.model.problem import Problem
 
@@ -15,17 +19,15 @@ def planned(
     order: "Order",
     store: str,
     folded: bool,
+    stays: bool = False,
 ) -> "tuple[Run, dict[str, Any]]":
     """The outcome for a problem, and when its steps happen. With a library, also where it comes from; with `folded`, also
-    its parts, as data."""
+    its parts, as data. The library `stays` open in a process that plans again and again."""
     from engine.pipelines import objective
 
     if not store:
         return objective.plan(problem, limits, wanted, order), {}
-    from engine.pipelines.reuse import Practice
-    from kb.store import Library
-
-    with Library(store, beside=True) as library, Practice(library, limits) as practice:
+    with _in_use(store, problem, limits, stays) as practice:
         if order is objective.Order.SEQUENCE:
             memory = practice.repertoire(problem.domain) if practice.learns else None
             followed = objective.sequenced(problem, limits, memory, store)
@@ -34,10 +36,25 @@ def planned(
         found = practice.plan(problem)
         found = practice.folded(problem, found) if folded else found
     entry = {"origin": found.origin, "macrop": found.macrop, "name": found.name, "reason": found.reason}
-    entry |= {"lost": library.loss} if library.loss else {}
+    entry |= {"lost": practice.library.loss} if practice.library.loss else {}
     parts = [
         {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
         for part in found.parts
     ]
     run = objective.scheduled(problem, found.outcome, limits, objective.Objective.COST if parts else wanted)
     return run, {"source": {**entry, "parts": parts} if parts else entry}
+
+
+@contextmanager
+def _in_use(store: str, problem: "Problem", limits: "Limits", stays: bool) -> "Iterator[Practice]":
+    if stays:
+        from engine.pipelines.reuse.standing import standing
+
+        with standing(store, problem.domain, limits) as practice:
+            yield practice
+        return
+    from engine.pipelines.reuse import Practice
+    from kb.store import Library
+
+    with Library(store, beside=True) as library, Practice(library, limits) as practice:
+        yield practice

@@ -109,6 +109,15 @@ class Library(Database):
         with transaction(self._engine, self.target, apart=True) as connection:
             return self._shared.outlines(connection, where)
 
+    def holdings(self, domain: str, last: int | None = None) -> tuple[int, int, str]:
+        """How many MACROPs of a domain there are, and number and fingerprint of the last; only those up to `last` if it is given."""
+        own = (macrops.c.domain == domain) & (macrops.c.id <= last if last is not None else True)
+        latest = select(macrops.c.fingerprint).where(own).order_by(macrops.c.id.desc()).limit(1)
+        asked = select(func.count(), func.max(macrops.c.id), latest.scalar_subquery()).where(own)
+        with transaction(self._engine, self.target, apart=True) as connection:
+            count, number, text = connection.execute(asked).one()
+        return int(count), int(number or 0), str(text or "")
+
     def note_outlines(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
         """Store requirements that were computed for MACROPs of older versions, by number."""
         new = list(found) if self.writable else []

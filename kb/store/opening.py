@@ -22,6 +22,11 @@ def opened_so_far() -> tuple[str, ...]:
     return tuple(_opened)
 
 
+def note_opened(target: str) -> None:
+    """A library that stayed open is used again."""
+    _opened[target] = None
+
+
 def begin_anew() -> None:
     """Forget the libraries that were opened: another command begins in this process."""
     _opened.clear()

@@ -78,11 +78,11 @@ class Practice:
         for each in self._repertoires:
             each.flush()
 
-    def repertoire(self, domain: Domain) -> Repertoire:
-        """The MACROPs that the library holds for whole problems of a domain."""
+    def repertoire(self, domain: Domain, known: Repertoire | None = None) -> Repertoire:
+        """The MACROPs that the library holds for whole problems of a domain. They may be `known` already."""
         found = next((each for each in self._repertoires if each.domain is domain), None)
         if found is None:
-            found = Repertoire(self.library, domain)
+            found = known.of_domain(domain) if known is not None else Repertoire(self.library, domain)
             self._repertoires.append(found)
         return found
 

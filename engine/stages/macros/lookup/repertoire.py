@@ -47,6 +47,17 @@ class Repertoire:
     def __len__(self) -> int:
         return len(self._index)
 
+    def of_domain(self, domain: Domain) -> "Repertoire":
+        """This repertoire for a domain that equals its own, which was read again."""
+        assert self.domain == domain
+        self.domain = domain
+        return self
+
+    @property
+    def read(self) -> int:
+        """How many MACROPs are in memory, not their outlines alone."""
+        return sum(entry.is_read for entry in self._index.entries())
+
     def load(self) -> None:
         """Fetch the MACROPs of all signatures now."""
         for each in self._whole(self.library.outlines(self.domain.name)):
