@@ -15,6 +15,7 @@ from engine.stages.planning.portfolio import CLIMB, STRATEGIES
 from engine.stages.planning.setting import Setting
 from engine.stages.planning.variants import TooManyVariants, plainly
 from kb.model.plan import Plan
+from kb.stopping import Stopped
 
 OTHERS = (
     ("asp", 20_000),
@@ -30,8 +31,8 @@ PATIENT, PATIENCE = (
 
 
 def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> tuple[Plan, bool]:
-    """The best partially ordered plan that is found from a sequence of steps on, in the memory that there is, and whether
-    it is proved that none is cheaper."""
+    """The best partially ordered plan that is found from a sequence of steps on, in the memory and the time that there are,
+    and whether it is proved that none is cheaper."""
     best, proved = _deordered(setting.task, plainly(setting.task, steps)), False
     try:
         for better, least in _better(setting, steps, limits):
@@ -39,6 +40,8 @@ def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits)
             limits.improved(best)
     except MemoryError:
         pass
+    except Stopped:  # the grounding of a window heard it first
+        limits.interrupted()
     return best, proved
 
 

@@ -14,6 +14,7 @@ from kb.diagnostics import InvalidInput
 from kb.loader import load_problem
 from kb.model.plan import Plan
 from kb.model.problem import Problem
+from kb.stopping import Stopped
 from tests.properties.problems import problems, shortest
 
 
@@ -75,6 +76,20 @@ def test_the_best_plan_survives_want_of_memory(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr("engine.stages.planning.improvement.rounds.straighten", greedy)
     assert isinstance(planning.plan(load_problem("bulkhead/both_tools")), Found)
+
+
+def test_the_best_plan_survives_a_grounding_that_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The time is over in the grounding of a window; the search is told then, so that the answer may still be checked."""
+    asked: list[bool] = []
+
+    def late(*_: object) -> None:
+        raise Stopped
+
+    monkeypatch.setattr("engine.stages.planning.improvement.rounds.straighten", late)
+    limits = Limits(interrupted=lambda: bool(asked.append(True)))
+    outcome = planning.plan(load_problem("bulkhead/both_tools"), limits)
+    assert isinstance(outcome, Found)
+    assert asked
 
 
 def test_the_best_plan_survives_values_that_other_searches_cannot_count(
