@@ -42,6 +42,9 @@ def find(target: str) -> Path:
     path = Path(target)
     if is_there(path / DOMAIN_FILE):
         return path / DOMAIN_FILE
+    if is_file(path) and path.suffix == ".lp":
+        hint = "name the problem, or the folder of the domain that includes it"
+        raise InvalidInput([Diagnostic(Source(target), "K404", "these are rules, not a problem", hint)])
     if is_file(path):
         return path
     known = bundled()

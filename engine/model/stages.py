@@ -20,3 +20,12 @@ def stage_atom(chain: Chain, reached: int) -> Atom:
 def reaching(chain: Chain, count: int) -> Function:
     """The internal operator that moves a chain to a count of stages."""
     return Function(REACHES, (Text(chain.name), Number(count)))
+
+
+def said_of(atom: Atom) -> str:
+    """An atom in words for people: that of a stage says how many stages of a chain are reached."""
+    if atom.name != STAGE:
+        return str(atom)
+    chain, count = atom.arguments
+    name = chain.value if isinstance(chain, Text) else chain
+    return f"stage {count} of {name}"

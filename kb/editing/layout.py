@@ -22,6 +22,8 @@ from kb.loader.node import Node
 from kb.loader.tree import outlined, read_tree
 
 STEP = 2  # columns of a level
+FILLED_IN = re.compile(r"\$\{\w+\}|\$\w+")
+STAND_IN = "filled_in_"
 _EXPRESSIONS = (Role.ATOMS, Role.TERMS, Role.STEP, Role.SIGNATURE, Role.HEADER)
 
 
@@ -40,7 +42,20 @@ def formatted(path: str, text: str) -> str:
 
 
 def _rules(path: str, text: str) -> str:
-    file = File.of(path, text)
+    """The rules of a domain, or of a device: what is filled in there (`$name`) stands as a name meanwhile."""
+    file, filled = File.of(path, text), dict[str, str]()
+
+    def stand_in(found: re.Match[str]) -> str:
+        return filled.setdefault(found[0], f"{STAND_IN}{len(filled)}_")
+
+    plain = text if STAND_IN in text else FILLED_IN.sub(stand_in, text)
+    made = _spaced_rules(file, plain)
+    for said, name in filled.items():
+        made = made.replace(name, said)
+    return made
+
+
+def _spaced_rules(file: File, text: str) -> str:
     try:
         before = printed(text)
     except AspError as error:

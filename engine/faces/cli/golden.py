@@ -74,4 +74,5 @@ def _text(compared: "list[GoldenComparison]", updated: bool) -> "RenderableType"
         text.append(f"{differing} of {len(compared)} golden files written")
     else:
         text.append(f"{len(compared) - differing} of {len(compared)} as accepted")
+        text.append("; `--update` accepts the answers as they are now" if differing else "")
     return text

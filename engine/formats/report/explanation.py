@@ -5,6 +5,7 @@ from typing import Any
 from rich.text import Text
 
 from engine.model.explanation import Amendment, Explanation, Purpose, StepReason
+from engine.model.stages import said_of
 
 IN_FULL = 6  # changes that are told with the way from the goal to what they give
 _SAID = {  # what edits of one kind are said to be, and how each is said
@@ -104,11 +105,11 @@ def step_reason(found: StepReason) -> Text:
 
 def _purpose(purpose: Purpose) -> str:
     if purpose.consumer is None:
-        return f"the goal {purpose.condition}"
-    said = f"{purpose.condition}, which {purpose.consumer.id} {purpose.consumer.operator} needs"
+        return f"the goal {said_of(purpose.condition)}"
+    said = f"{said_of(purpose.condition)}, which {purpose.consumer.id} {purpose.consumer.operator} needs"
     if purpose.links:
         way = " then ".join(str(link.consumer) for link in purpose.links[:-1])
-        said += f"{f' for {way}' if way else ''} for the goal {purpose.links[-1].condition}"
+        said += f"{f' for {way}' if way else ''} for the goal {said_of(purpose.links[-1].condition)}"
     return said
 
 

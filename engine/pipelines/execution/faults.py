@@ -77,7 +77,7 @@ def _step(action: str, ready: Ready, steps: list[Function]) -> list[Function]:
     else:
         plain = action.replace(" ", "")
         found = [step for step in steps if plain in (step.name, str(step).replace(" ", ""))]
-        hint = _some(steps)
+        hint = nearest(action, list(dict.fromkeys(step.name for step in steps))) or _some(steps)
     if not found:
         raise _refused(f"the plan has no step {action}", hint)
     return found

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from engine.model.explanation import OrderReason, Purpose, StepReason
+from engine.model.stages import said_of
 from engine.model.task import Task, indices
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.plan import GOAL, CausalLink, Plan, Step, StepId
@@ -66,15 +67,15 @@ class _Reasons:
             k.condition for k in self.plan.links if k.producer == earlier.id and k.consumer == later.id
         ]
         if provided:
-            return f"it provides {', '.join(map(str, dict.fromkeys(provided)))}"
+            return f"it provides {', '.join(map(said_of, dict.fromkeys(provided)))}"
         for link in self.plan.links:
             ends = link.condition in self._deletes(later) or _denied(link.condition, self._adds(later))
             if link.consumer == earlier.id and ends:
-                return f"it needs {link.condition}, which the later step ends"
+                return f"it needs {said_of(link.condition)}, which the later step ends"
         for link in self.plan.links:
             ends = link.condition in self._deletes(earlier) or _denied(link.condition, self._adds(earlier))
             if link.producer == later.id and ends:
-                return f"it ends {link.condition}, which the later step provides"
+                return f"it ends {said_of(link.condition)}, which the later step provides"
         shared = sorted(map(str, set(earlier.resources) & set(later.resources)))
         if shared:
             return f"both hold {', '.join(shared)}"

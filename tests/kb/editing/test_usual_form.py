@@ -174,3 +174,15 @@ def test_spaces_never_change_the_tokens_of_rules(text: str) -> None:
         each.text.rstrip() for each in tokens(text, True)
     ]
     assert spaced_rules(made) == made
+
+
+def test_rules_of_a_device_keep_what_is_filled_in() -> None:
+    text = (
+        "usual_capacity($name,$capacity).\naccessible(D):-part_of(D,${prefix}clamp),D!=$name .  % as it is\n"
+    )
+    made = formatted("devices/shaker/rules.lp", text)
+    assert made.splitlines() == [
+        "usual_capacity($name, $capacity).",
+        "accessible(D) :- part_of(D, ${prefix}clamp), D != $name.  % as it is",
+    ]
+    assert formatted("devices/shaker/rules.lp", made) == made

@@ -13,6 +13,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from engine.authoring.starter import create
 from engine.faces.cli import app, completion, slow
 from engine.faces.cli.purposes import OPTIONS_FOR, VERBS_FOR, first_sentence
 from engine.faces.cli.verbs import VERBS
@@ -223,3 +224,17 @@ def test_a_file_that_is_not_there_is_named_by_one_beside_it(
     assert "did you mean 'cells/mine.yaml'?" in CliRunner().invoke(app, ["plan", "cells/min.yaml"]).stderr
     assert "did you mean" not in CliRunner().invoke(app, ["validate", "nothing"]).stderr
     assert "bundled: " in CliRunner().invoke(app, ["plan", "nowhere/x.yaml"]).stderr
+
+
+def test_a_file_of_rules_is_told_as_such() -> None:
+    result = CliRunner().invoke(app, ["plan", str(TOP / "domains" / "themse" / "rules.lp")])
+    assert result.exit_code == 2
+    assert "these are rules, not a problem" in result.output
+
+
+def test_what_has_no_accepted_answer_tells_how_to_accept_it(tmp_path: Path) -> None:
+    create(tmp_path / "cell")
+    for each in (tmp_path / "cell" / "golden").iterdir():
+        each.unlink()
+    result = CliRunner().invoke(app, ["test", str(tmp_path / "cell")])
+    assert (result.exit_code, "`--update` accepts the answers" in result.stdout) == (1, True)

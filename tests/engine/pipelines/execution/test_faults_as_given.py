@@ -5,9 +5,12 @@ from pathlib import Path
 import pytest
 
 from engine.pipelines.execution import Wanted, listed
+from engine.pipelines.execution.faults import settled
 from engine.pipelines.planning import problem_of
+from engine.pipelines.simulator.driver import fault_base
 from kb.diagnostics import InvalidInput
 from kb.store.journal import Journal
+from tests.engine.pipelines.execution.cells import planned
 
 
 @pytest.mark.parametrize(
@@ -31,3 +34,10 @@ def test_faults_that_no_plan_can_have_are_refused_before_one_is_made(
     assert said in f"{found.message} {found.hint}"
     with Journal(store) as journal:
         assert journal.begun() == ()
+
+
+def test_a_misspelt_operator_is_named() -> None:
+    problem, ready = planned("themse/in_furnace")
+    with pytest.raises(InvalidInput) as refused:
+        settled("pikc=not_gripped", ready, fault_base(problem))
+    assert refused.value.diagnostics[0].hint == "did you mean 'pick'?"

@@ -1,0 +1,18 @@
+"""Reasons of steps name stages of a workflow in words."""
+
+from engine.formats.report.explanation import step_reason
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from engine.pipelines.explanation.steps import why
+from engine.stages.grounding import ground
+from kb.loader import load_problem
+
+
+def test_a_stage_that_a_later_step_waits_for_is_said_in_words() -> None:
+    problem = load_problem("centrifuge/four")
+    outcome = planning.plan(problem)
+    assert isinstance(outcome, Found)
+    task = ground(problem)
+    said = "\n".join(step_reason(why(task, outcome.plan, step.id)).plain for step in outcome.plan.steps)
+    assert "stage 1 of 1:" in said
+    assert "_stage" not in said
