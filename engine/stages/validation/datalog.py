@@ -82,11 +82,17 @@ def _named(part: BodyPart) -> Iterator[Variable]:
 
 def solutions(ordered: Body, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
     """`solve` for a body that is in order already."""
-    if not ordered:
-        yield bindings
+    for place, part in enumerate(ordered):
+        if isinstance(part, Literal) and part.positive:
+            atom = substitute_atom(part.atom, bindings)
+            if is_ground(atom):
+                if atom not in facts:
+                    return
+                continue
+        for extended in _part(part, facts, bindings, facts):
+            yield from solutions(ordered[place + 1 :], facts, extended)
         return
-    for extended in _part(ordered[0], facts, bindings, facts):
-        yield from solutions(ordered[1:], facts, extended)
+    yield bindings
 
 
 def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:

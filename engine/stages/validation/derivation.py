@@ -4,7 +4,7 @@ evaluated in each state by counting what their instances still miss.
 The checker's own: it shares no code with grounding or search.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence, Set
 from dataclasses import dataclass, field
 
 from engine.stages.validation.datalog import Bindings, solve
@@ -33,6 +33,7 @@ class _Stratum:
 
     rules: Sequence[Rule]
     counting: Sequence[Rule]  # those with aggregates, which are evaluated in each state
+    heads: frozenset[str]  # the predicates
     joins: Sequence[Join]
     read: Sequence[str]  # the predicates of what instances need
     instances: list[Instance] = field(default_factory=list)
@@ -64,22 +65,30 @@ class Derivation:
         self._possible = Facts((), statics)
         self._started = False
         rules = [rule for each in self._strata for rule in (*each.rules, *each.counting)]
-        heads = {rule.head.name for rule in rules}
+        heads = frozenset[str]().union(*(each.heads for each in self._strata))
         read = {literal.atom.name for rule in rules for part in rule.body for literal in literals(part)}
         self._read = sorted(read - heads)
 
-    def add(self, state: Facts) -> None:
-        """Add to a state, which has fluents only, the derived atoms that follow."""
+    def add(self, state: Facts, names: Set[str] | None = None) -> None:
+        """Add to a state, which has fluents only, the derived atoms that follow.
+
+        With `names` only those of these predicates, of which all that they depend on are among them, or were added before.
+        """
         self._meet(state)
-        for place in range(len(self._strata)):
+        for place in self._places(names):
             self._fill(place, state, state)
 
-    def bound(self, lower: Facts, upper: Facts) -> None:
+    def bound(self, lower: Facts, upper: Facts, names: Set[str] | None = None) -> None:
         """Add to `lower` what follows in every state between two sets of fluents, and to `upper` what follows in some."""
         self._meet(upper)
-        for place in range(len(self._strata)):
+        for place in self._places(names):
             self._fill(place, lower, upper)
             self._fill(place, upper, lower)
+
+    def _places(self, names: Set[str] | None) -> list[int]:
+        """The places of the strata that have rules of some predicates."""
+        every = range(len(self._strata))
+        return [each for each in every if names is None or not names.isdisjoint(self._strata[each].heads)]
 
     def _fill(self, place: int, facts: Facts, judge: Facts) -> None:
         """Add everything that follows by one stratum; `judge` decides what is false."""
@@ -141,12 +150,13 @@ class Derivation:
     def _stratum(self, rules: Sequence[Rule]) -> _Stratum:
         counting = [rule for rule in rules if any(isinstance(part, StateAggregate) for part in rule.body)]
         plain = [rule for rule in rules if rule not in counting]
+        heads = frozenset(rule.head.name for rule in rules)
         joins: list[Join] = []
         for rule in plain:
             body = self._static(rule.body)
             places = [place for place, part in enumerate(body) if self._changes(part)]
             joins += [join(rule, body, place, places) for place in places]
-        return _Stratum(plain, counting, joins, sorted({each.condition.name for each in joins}))
+        return _Stratum(plain, counting, heads, joins, sorted({each.condition.name for each in joins}))
 
     def _changes(self, part: object) -> bool:
         return isinstance(part, Literal) and part.atom.name in self._dynamic

@@ -101,27 +101,28 @@ class Facts:
 
 
 class Deduced(Facts):
-    """Facts that are completed with what follows from them when one of the predicates that follow is first asked for."""
+    """Facts that are completed with what follows from them, of each predicate when it is first asked for."""
 
     def __init__(
         self,
         atoms: Iterable[Atom] | Facts,
         below: Facts,
         follow: Collection[str],
-        complete: Callable[[], None],
+        complete: Callable[[str], None],
     ) -> None:
-        """Facts to which `complete` adds all atoms of the predicates in `follow`. Those of a layer are shared with it."""
+        """Facts to which `complete` adds all atoms of a predicate in `follow`. Those of a layer are shared with it."""
         super().__init__((), below)
         layer = atoms if isinstance(atoms, Facts) else Facts(atoms)
         self._by_name, self._indexes = layer._by_name.copy(), layer._indexes.copy()
-        self._follow, self._complete = follow, complete
+        self._follow, self._complete = set(follow), complete
 
     def _extent(self, name: str) -> Mapping[Atom, None]:
         if name in self._follow:
-            self.settle()
-            self._complete()
+            self._complete(name)
         return super()._extent(name)
 
-    def settle(self) -> None:
-        """Take the facts as they are: what follows has been added, or is being added."""
-        self._follow = ()
+    def settle(self, names: Set[str]) -> Set[str]:
+        """Take the atoms of some predicates as they are: what follows has been added, or is being added. Returns which had not been."""
+        found = self._follow & names
+        self._follow -= found
+        return found

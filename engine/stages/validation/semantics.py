@@ -99,7 +99,11 @@ class Semantics:
 
     def facts(self, state: Iterable[Atom] | Facts) -> Facts:
         """A state with its derived atoms, on top of the static facts."""
-        facts = Deduced((), self.layer(state), self._rules, lambda: self._derivation.add(facts))
+
+        def complete(name: str) -> None:
+            self._derivation.add(facts, facts.settle(self._behind(name)))
+
+        facts = Deduced((), self.layer(state), self._rules, complete)
         return facts
 
     def layer(self, state: Iterable[Atom] | Facts) -> Facts:
@@ -109,10 +113,9 @@ class Semantics:
     def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom] | Facts) -> tuple[Facts, Facts]:
         """What is true in every state between two sets of atoms, and what can be true, with derived atoms."""
 
-        def complete() -> None:
-            lower.settle()
-            upper.settle()
-            self._derivation.bound(lower, upper)
+        def complete(name: str) -> None:
+            behind = self._behind(name)
+            self._derivation.bound(lower, upper, lower.settle(behind) | upper.settle(behind))
 
         lower = Deduced(certain, self.statics, self._rules, complete)
         upper = Deduced(possible, self.statics, self._rules, complete)
@@ -137,6 +140,10 @@ class Semantics:
             used = (each.atom.name for rule in rules for part in rule.body for each in literals(part))
             graph[name] = [other for other in used if other in self._rules]
         return graph
+
+    def _behind(self, name: str) -> set[str]:
+        """The derived predicates that a derived predicate depends on, and itself."""
+        return set(reached(self._uses, name))
 
     def fluents_behind(self, name: str) -> set[str]:
         """The fluents that a predicate depends on: the predicate itself, or those that its rules lead to."""

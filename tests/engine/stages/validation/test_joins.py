@@ -1,0 +1,72 @@
+"""What follows by a rule from new atoms, and which predicates are derived."""
+
+import itertools
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engine.stages.validation.datalog import in_order, solutions, solve
+from engine.stages.validation.derivation import Derivation
+from engine.stages.validation.facts import Facts
+from engine.stages.validation.joins import join
+from kb.model.conditions import Body, Comparison, Literal
+from kb.model.domain import Rule
+from kb.terms import Atom, Function, Variable
+
+NAMES = ("a", "b", "c")
+X, Y, Z = map(Variable, "XYZ")
+
+
+def p(one: Variable, other: Variable) -> Literal:
+    return Literal(Atom("p", (one, other)))
+
+
+PATH: Body = (p(X, Y), p(Y, Z), Comparison(X, "!=", Z))
+RULE = Rule(Atom("q", (X, Z)), PATH)
+pairs = st.sets(st.sampled_from(list(itertools.product(NAMES, repeat=2))))
+
+
+def atoms(chosen: set[tuple[str, str]]) -> list[Atom]:
+    return [Atom("p", tuple(map(Function, each))) for each in sorted(chosen)]
+
+
+@given(pairs, pairs)
+def test_an_instance_with_new_conditions_is_found_once(
+    old: set[tuple[str, str]], new: set[tuple[str, str]]
+) -> None:
+    fresh = atoms(new - old)
+    facts = Facts([*atoms(old), *fresh])
+    found = [
+        tuple(bindings[each] for each in (X, Y, Z))
+        for place in (0, 1)
+        for bindings in join(RULE, PATH, place, (0, 1)).bindings(fresh, frozenset(fresh), facts)
+    ]
+    known = {tuple(b[each] for each in (X, Y, Z)) for b in solve(PATH, Facts(atoms(old)), {})}
+    every = {tuple(b[each] for each in (X, Y, Z)) for b in solve(PATH, facts, {})}
+    assert len(found) == len(set(found))
+    assert set(found) == every - known
+
+
+@given(pairs, st.permutations(PATH), st.sampled_from([None, *NAMES]))
+def test_an_order_decided_once_finds_the_same(
+    chosen: set[tuple[str, str]], body: list[Literal | Comparison], given_x: str | None
+) -> None:
+    facts = Facts(atoms(chosen))
+    bindings = {} if given_x is None else {X: Function(given_x)}
+    found = [
+        tuple(b[each] for each in (X, Y, Z))
+        for b in solutions(in_order(tuple(body), bindings), facts, bindings)
+    ]
+    plain = [tuple(b[each] for each in (X, Y, Z)) for b in solve(tuple(body), facts, bindings)]
+    assert sorted(found, key=str) == sorted(plain, key=str)
+
+
+def test_only_what_is_asked_for_is_derived_and_the_rest_later() -> None:
+    below = Rule(Atom("d", (X,)), (Literal(Atom("p", (X, X))),))
+    above = Rule(Atom("e", (X,)), (Literal(Atom("d", (X,))),))
+    derivation = Derivation([[below], [above]], Facts(), {"p", "d", "e"})
+    state = Facts(atoms({("a", "a")}), Facts())
+    derivation.add(state, {"d"})
+    assert [list(state.named(name)) for name in ("d", "e")] == [[Atom("d", (Function("a"),))], []]
+    derivation.add(state, {"e"})
+    assert list(state.named("e")) == [Atom("e", (Function("a"),))]
