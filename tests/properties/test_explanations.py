@@ -14,10 +14,10 @@ from engine.pipelines import planning
 from engine.pipelines.explanation import changed, explain
 from engine.pipelines.explanation.alike import Alike
 from engine.pipelines.explanation.space import Space
-from kb.model.conditions import And, BodyPart, Comparison, Literal
+from kb.model.conditions import And, BodyPart, Comparison, Exists, Literal
 from kb.model.domain import Domain, Effect, Kind, Operator, Predicate
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Operation, Term, Variable, exchanged
+from kb.terms import Atom, Function, Number, Operation, Term, Variable, exchanged, substitute_atom
 from tests.properties.problems import OBJECTS, ONE_X, TYPES, X, problems, shortest
 
 FLUENTS = [*(Function(name, (Function(each),)) for name in ("p", "q") for each in OBJECTS), Function("r")]
@@ -70,9 +70,17 @@ def check(problem: Problem, explanation: Explanation, wanted: Iterator[Edit], tr
 
 
 def goals(problem: Problem) -> list[Atom]:
-    """Goals that could be claimed to hold from the start."""
+    """Goals that could be claimed to hold from the start; those of some thing for each thing."""
     parts = problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,)
-    return [part.atom for part in parts if isinstance(part, Literal) and part.positive]
+    some = [part for part in parts if isinstance(part, Exists) and isinstance(part.part, Literal)]
+    bound = [{p.variable: Function(name) for p in part.parameters} for part in some for name in OBJECTS]
+    inner = [part.part for part in some for _ in OBJECTS]
+    for_each = [
+        Literal(substitute_atom(each.atom, values), each.positive)
+        for each, values in zip(inner, bound, strict=True)
+        if isinstance(each, Literal)
+    ]
+    return [part.atom for part in (*parts, *for_each) if isinstance(part, Literal) and part.positive]
 
 
 @settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
