@@ -19,7 +19,7 @@ def main() -> None:
 def __getattr__(name: str) -> object:
     """The typer application, made at the first access."""
     if name == "app":
-        from engine.faces.cli.command import app
+        from engine.faces.cli.application import app
 
         return app
     raise AttributeError(name)

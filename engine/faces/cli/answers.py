@@ -17,8 +17,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-import typer
-
+from engine.faces.cli.declared import is_misfit
 from engine.faces.cli.ending import abandon
 from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
 from engine.faces.cli.memory import is_short, lift_limit
@@ -72,7 +71,7 @@ def give(make: Callable[[], Answer], form: Form, output: Path | None = None) -> 
     with writing():
         _print(answer, form) if output is None else _print_and_save(answer, form, output)
         sys.stdout.flush()
-    raise typer.Exit(answer.code)
+    raise SystemExit(answer.code)
 
 
 def uncompiled() -> bool:
@@ -91,7 +90,7 @@ def writing() -> Iterator[None]:
         if error.errno != errno.EPIPE:
             with suppress(OSError):
                 sys.stderr.write(f"cannot write {error.filename or 'the answer'}: {error.strerror}\n")
-            raise typer.Exit(BAD_INPUT) from None
+            raise SystemExit(BAD_INPUT) from None
 
 
 def refuse(wrong: str, command: str, code: str) -> NoReturn:
@@ -159,8 +158,6 @@ def _made(make: Callable[[], Answer]) -> Answer:
     except InvalidInput as error:
         code = LIMIT if any(each.code == "K307" for each in error.diagnostics) else BAD_INPUT
         return Answer("bad input", code=code, diagnostics=error.diagnostics)
-    except typer.BadParameter:  # an option that does not fit what the target holds
-        raise
     except OSError as error:
         message, hint = (
             f"the operating system reports: {error.strerror or error}",
@@ -169,6 +166,8 @@ def _made(make: Callable[[], Answer]) -> Answer:
         found = Diagnostic(Source(str(error.filename or "a file")), "K415", message, hint)
         return Answer("bad input", code=BAD_INPUT, diagnostics=(found,))
     except Exception as error:
+        if is_misfit(error):  # an option that does not fit what the target holds
+            raise
         return _failed(error)
 
 
@@ -262,7 +261,7 @@ def _print_and_save(answer: Answer, form: Form, output: Path) -> None:
             save(output, escaped(document))
         except OSError as error:
             sys.stderr.write(f"cannot write {output}: {error.strerror}\n")
-            raise typer.Exit(BAD_INPUT) from None
+            raise SystemExit(BAD_INPUT) from None
         console(soft_wrap=True).print(f"\nWritten to {output}.", markup=False, highlight=False)
 
 

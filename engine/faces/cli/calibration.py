@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.options import Format, Seed
 from engine.faces.cli.scene_files import Calibration, SceneName, scene_of
 
@@ -17,14 +18,14 @@ app = typer.Typer(
 )
 Readings = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--readings",
         help="depth images and how they were taken, as JSON (docs/placing.md); else they are made",
     ),
 ]
 
 Keep = Annotated[
-    Path | None, typer.Option("--keep", help="a file for what was found; --calibration reads it again")
+    Path | None, Option("--keep", help="a file for what was found; --calibration reads it again")
 ]
 
 
@@ -62,13 +63,11 @@ def _range(
 
 @app.command()
 def camera(
-    target: Annotated[
-        str, typer.Argument(metavar="TARGET", help="the part that the arm holds before the camera")
-    ],
+    target: Annotated[str, Argument(metavar="TARGET", help="the part that the arm holds before the camera")],
     scene: SceneName,
     readings: Readings = None,
     number: Annotated[
-        int, typer.Option("--number", min=3, max=100, help="how many readings are made, if none are given")
+        int, Option("--number", min=3, max=100, help="how many readings are made, if none are given")
     ] = 12,
     keep: Keep = None,
     calibration: Calibration = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Option
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Target, number
 
@@ -28,16 +29,14 @@ class PictureForm(StrEnum):
 
 Configurations = Annotated[
     list[str] | None,
-    typer.Option(
-        "--configuration", help='joint values in degrees and metres: "0, 90, 0, 0, 45, 0" or "ARM: ..."'
-    ),
+    Option("--configuration", help='joint values in degrees and metres: "0, 90, 0, 0, 45, 0" or "ARM: ..."'),
 ]
-AtPlace = Annotated[str, typer.Option("--place", help="show the arm at this place")]
-Output = Annotated[Path | None, typer.Option("--output", "-o", help="the file to write; a PNG needs one")]
+AtPlace = Annotated[str, Option("--place", help="show the arm at this place")]
+Output = Annotated[Path | None, Option("--output", "-o", help="the file to write; a PNG needs one")]
 AZIMUTH, ELEVATION = -60.0, 28.0
 Azimuth = Annotated[
     float | None,
-    typer.Option(
+    Option(
         min=-360,
         max=360,
         callback=number,
@@ -47,7 +46,7 @@ Azimuth = Annotated[
 ]
 Elevation = Annotated[
     float | None,
-    typer.Option(
+    Option(
         min=-90,
         max=90,
         callback=number,
@@ -69,7 +68,7 @@ def show(
     place: AtPlace = "",
     format: Annotated[
         PictureForm | None,
-        typer.Option("--format", help="how it is shown; else as the name of the output ends"),
+        Option("--format", help="how it is shown; else as the name of the output ends"),
     ] = None,
     output: Output = None,
     azimuth: Azimuth = None,

@@ -3,15 +3,12 @@
 from enum import StrEnum
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.exits import BAD_INPUT, FINDINGS
 from engine.faces.cli.options import Format, Target
 
-NoReach = Annotated[
-    bool, typer.Option("--no-reach", help="do not check which places of the cell the arms reach")
-]
+NoReach = Annotated[bool, Option("--no-reach", help="do not check which places of the cell the arms reach")]
 
 
 def check(target: Target, no_reach: NoReach = False, format: Format = Form.TEXT) -> None:
@@ -49,7 +46,7 @@ class SchemaKind(StrEnum):
     EVENTS = "events"
 
 
-def schema(kind: Annotated[SchemaKind, typer.Argument(help="the kind of file")]) -> None:
+def schema(kind: Annotated[SchemaKind, Argument(help="the kind of file")]) -> None:
     """Print the JSON Schema of a kind of file, for editors."""
     give(lambda: _schema(kind), Form.TEXT)
 

@@ -1,42 +1,15 @@
-"""All verbs as one command line, and the function that runs it until the exit code."""
+"""The function that runs the command line until the exit code."""
 
 import sys
-from typing import Annotated
 
-import typer
-
-from engine.faces.cli.answers import open_streams
+from engine.faces.cli.answers import open_streams, writing
+from engine.faces.cli.declared import is_misfit
 from engine.faces.cli.ending import leave
 from engine.faces.cli.exits import LIMIT
 from engine.faces.cli.kept_code import KeptCode
 from engine.faces.cli.memory import lift_limit
-from engine.faces.cli.verbs import Verbs
+from engine.faces.cli.plain_lines import plain_call
 from engine.faces.cli.watchdog import own_process
-
-app = typer.Typer(
-    name="cellwright",
-    cls=Verbs,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-def _version(asked: bool) -> None:
-    if asked:
-        from importlib.metadata import version
-
-        typer.echo(f"cellwright {version('cellwright')}")
-        raise typer.Exit
-
-
-@app.callback()
-def cellwright(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version and exit")
-    ] = False,
-) -> None:
-    """Plan and diagnose for robot work cells."""
 
 
 def run(code: KeptCode | None = None) -> None:
@@ -44,7 +17,7 @@ def run(code: KeptCode | None = None) -> None:
     own_process()
     open_streams()
     try:
-        app()
+        _run(sys.argv[1:])
     except MemoryError:  # before the work began, or while the answer was printed
         lift_limit()
         sys.stderr.write(
@@ -58,3 +31,18 @@ def run(code: KeptCode | None = None) -> None:
         if isinstance(end.code, int):
             leave(end.code)
         raise
+
+
+def _run(words: list[str]) -> None:
+    """A plain line is read and run without typer. If its words turn out not to fit, typer reads them and tells so."""
+    if call := plain_call(words):
+        try:
+            with writing():
+                call()
+                sys.exit(0)
+        except Exception as error:
+            if not is_misfit(error):
+                raise
+    from engine.faces.cli.application import app
+
+    app()

@@ -6,10 +6,11 @@ from typing import Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.options import Format
 
 Beside = Annotated[
-    Path, typer.Option("--beside", help="a domain folder: also its own devices, in its folder `devices`")
+    Path, Option("--beside", help="a domain folder: also its own devices, in its folder `devices`")
 ]
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -28,7 +29,7 @@ def list_(beside: Beside = Path(), format: Format = Form.TEXT) -> None:
 
 @app.command()
 def show(
-    name: Annotated[str, typer.Argument(help="the name of a device")],
+    name: Annotated[str, Argument(help="the name of a device")],
     beside: Beside = Path(),
     format: Format = Form.TEXT,
 ) -> None:

@@ -5,9 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Option, misfit
 from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Seed, Target, TimeLimit, number
@@ -35,58 +34,58 @@ class Goal(StrEnum):
     REPAIR = "repair"
 
 
-ExceptionName = Annotated[str, typer.Option("--exception", help="the exception, by its name in faults.yaml")]
+ExceptionName = Annotated[str, Option("--exception", help="the exception, by its name in faults.yaml")]
 Step = Annotated[
     str,
-    typer.Option(
+    Option(
         "--step", help="the step it interrupted: us_measure(us_probe, t3_746, m1), or its number in --plan"
     ),
 ]
 Outcomes = Annotated[
-    str, typer.Option("--outcomes", help="scripted outcomes: look_at_spot=dry, tool_self_test=passed")
+    str, Option("--outcomes", help="scripted outcomes: look_at_spot=dry, tool_self_test=passed")
 ]
 Hidden = Annotated[
-    str, typer.Option("--hidden", help="simulate: the causes that are really present, separated by commas")
+    str, Option("--hidden", help="simulate: the causes that are really present, separated by commas")
 ]
-WholeTree = Annotated[bool, typer.Option("--tree", help="print the whole decision tree")]
-Explain = Annotated[bool, typer.Option("--explain", help="say why this test is next")]
-Objective = Annotated[Goal, typer.Option("--objective", help="find the cause, or repair the fault")]
+WholeTree = Annotated[bool, Option("--tree", help="print the whole decision tree")]
+Explain = Annotated[bool, Option("--explain", help="say why this test is next")]
+Objective = Annotated[Goal, Option("--objective", help="find the cause, or repair the fault")]
 Recover = Annotated[
-    bool, typer.Option("--recover", help="then plan from the state found to the goals of the problem")
+    bool, Option("--recover", help="then plan from the state found to the goals of the problem")
 ]
 FailedPlan = Annotated[
     Path | None,
-    typer.Option("--plan", help="the plan that failed, in JSON: its repair is tried before a new plan"),
+    Option("--plan", help="the plan that failed, in JSON: its repair is tried before a new plan"),
 ]
 Done = Annotated[
     str,
-    typer.Option(
+    Option(
         "--done", help="the steps of the plan that are done, such as 1..4, 7; if not given, all before --step"
     ),
 ]
-Holds = Annotated[str, typer.Option("--holds", help="facts that are seen to hold, against the model")]
-Gone = Annotated[str, typer.Option("--gone", help="facts that are seen not to hold any more")]
+Holds = Annotated[str, Option("--holds", help="facts that are seen to hold, against the model")]
+Gone = Annotated[str, Option("--gone", help="facts that are seen not to hold any more")]
 Store = Annotated[
-    str, typer.Option("--store", help="keep closed cases in this file or database, and learn from them")
+    str, Option("--store", help="keep closed cases in this file or database, and learn from them")
 ]
-History = Annotated[bool, typer.Option("--history", help="print the closed cases of the store")]
+History = Annotated[bool, Option("--history", help="print the closed cases of the store")]
 Age = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--age", min=0, max=1, callback=number, help="multiply the weights of closed cases by this number"
     ),
 ]
-Reset = Annotated[bool, typer.Option("--reset", help="forget the closed cases of this domain")]
-Counts = Annotated[Path | None, typer.Option("--import", help="JSON to add: {exception: {cause: count}}")]
+Reset = Annotated[bool, Option("--reset", help="forget the closed cases of this domain")]
+Counts = Annotated[Path | None, Option("--import", help="JSON to add: {exception: {cause: count}}")]
 Work = Annotated[
     int | None,
-    typer.Option(
+    Option(
         "--expansions",
         min=0,
         help="states that the exact search may expand; if not given, about a second's work",
     ),
 ]
-Shown = Annotated[DiagnosisForm, typer.Option("--format", help="how the answer is written")]
+Shown = Annotated[DiagnosisForm, Option("--format", help="how the answer is written")]
 
 
 def diagnose(
@@ -170,11 +169,11 @@ def _refuse_case(asked: Asked, manner: Manner) -> None:
 
 def _refuse_idle(asked: Asked, manner: Manner) -> None:
     if not asked.exception:
-        raise typer.BadParameter("give --exception: it names what happened")
+        raise misfit("give --exception: it names what happened")
     if asked.done and asked.plan is None:
-        raise typer.BadParameter("--done needs a plan: give --plan")
+        raise misfit("--done needs a plan: give --plan")
     if manner.picture and not manner.tree:
-        raise typer.BadParameter("a picture shows the whole tree: give --tree")
+        raise misfit("a picture shows the whole tree: give --tree")
     answered = {"--outcomes": manner.outcomes, "--hidden": manner.hidden}
     if manner.tree:
         refuse_idle({**answered, "--explain": manner.explain}, "with --tree, which shows every outcome")

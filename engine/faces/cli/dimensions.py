@@ -4,9 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.options import Format, number
 
@@ -18,14 +17,14 @@ if TYPE_CHECKING:
 
 ImageFile = Annotated[
     Path,
-    typer.Argument(
+    Argument(
         metavar="IMAGE",
         help="a range image: .npz that `measurement image` has written, or a depth image: .npy, 16-bit .png in mm, .pcd, .ply",
     ),
 ]
 Patches = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--patch",
         metavar="NAME=SHAPE:LEFT,TOP,RIGHT,BOTTOM",
         help="a shape, and the pixels that show it; a circle is the rim of a hole in a plane there",
@@ -33,11 +32,11 @@ Patches = Annotated[
 ]
 Between = Annotated[
     list[str] | None,
-    typer.Option("--between", metavar="NAME,NAME", help="tell the distance and angle between two of them"),
+    Option("--between", metavar="NAME,NAME", help="tell the distance and angle between two of them"),
 ]
 Tool = Annotated[
     tuple[str, str] | None,
-    typer.Option(
+    Option(
         "--tool",
         metavar="TARGET TOOL",
         help="what took a depth image: a cell.yaml, or a TARGET whose cell has the tool, and the TOOL, such as bulkhead slra",
@@ -45,7 +44,7 @@ Tool = Annotated[
 ]
 About = Annotated[
     str,
-    typer.Option(
+    Option(
         "--about",
         metavar="MM|IMAGE",
         help="resolve wrapped ranges: how far away the surface is, or an image of what is expected",
@@ -53,7 +52,7 @@ About = Annotated[
 ]
 Expected = Annotated[
     float,
-    typer.Option(
+    Option(
         "--expected",
         min=0.0,
         max=1e4,
@@ -61,7 +60,7 @@ Expected = Annotated[
         help="how well --about is known: standard deviation in millimetres",
     ),
 ]
-Picture = Annotated[Path | None, typer.Option("--picture", help="write a picture there, as .png")]
+Picture = Annotated[Path | None, Option("--picture", help="write a picture there, as .png")]
 
 
 def dimensions(
@@ -78,7 +77,7 @@ def dimensions(
     asked = [_asked(each) for each in patch or []]
     names = {each.name for each in asked}
     if len(names) < len(asked):
-        raise typer.BadParameter("two patches have one name", param_hint="--patch")
+        raise misfit("two patches have one name", param_hint="--patch")
     pairs = [_pair(each, names) for each in between or []]
     give(
         lambda: _dimensions(_image(image, tool, about, expected * 1e-3), image, asked, pairs, picture), format
@@ -95,15 +94,15 @@ def _asked(said: str) -> "Asked":
     pixels = corners.split(",")
     if not name.isidentifier() or shape not in {each.value for each in Shape} or len(pixels) != 4:
         shapes = ", ".join(each.value for each in Shape)
-        raise typer.BadParameter(
+        raise misfit(
             f"'{said[:60]}': write NAME=SHAPE:LEFT,TOP,RIGHT,BOTTOM; a shape is one of {shapes}",
             param_hint="--patch",
         )
     if not all(each.strip().isdecimal() and len(each) < 6 for each in pixels):
-        raise typer.BadParameter(f"'{corners[:40]}' are no four whole pixels", param_hint="--patch")
+        raise misfit(f"'{corners[:40]}' are no four whole pixels", param_hint="--patch")
     left, top, right, bottom = (int(each) for each in pixels)
     if not (left < right and top < bottom):
-        raise typer.BadParameter(f"'{corners}' holds no pixel", param_hint="--patch")
+        raise misfit(f"'{corners}' holds no pixel", param_hint="--patch")
     return Asked(name, Shape(shape), Window(left, top, right, bottom))
 
 
@@ -111,7 +110,7 @@ def _pair(said: str, names: set[str]) -> tuple[str, str]:
     one, _, other = said.partition(",")
     for each in (one, other):
         if each not in names:
-            raise typer.BadParameter(f"no --patch is named '{each[:40]}'", param_hint="--between")
+            raise misfit(f"no --patch is named '{each[:40]}'", param_hint="--between")
     return one, other
 
 

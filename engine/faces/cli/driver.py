@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Option, misfit
 from engine.faces.cli.options import Format, Seed, Target
 from engine.faces.cli.run import Factor, Faults, Options, options_of
 from kb.numbers import is_count
@@ -96,7 +97,7 @@ def _shown(found: "list[Checked]") -> "RenderableType":
 def serve(
     target: Target,
     listen: Annotated[
-        str, typer.Option("--listen", metavar="HOST:PORT", help="listen there; else on the standard streams")
+        str, Option("--listen", metavar="HOST:PORT", help="listen there; else on the standard streams")
     ] = "",
     factor: Factor = 0.0,
     fault: Faults = None,
@@ -110,7 +111,7 @@ def serve(
 
     host, _, port = listen.rpartition(":")
     if listen and not (host and is_count(port) and int(port) < 65_536):
-        raise typer.BadParameter("--listen: write HOST:PORT, such as 127.0.0.1:7000")
+        raise misfit("--listen: write HOST:PORT, such as 127.0.0.1:7000")
     given = options_of(option or []) | ({"fault": "; ".join(fault)} if fault else {})
 
     def make() -> Answer:

@@ -3,17 +3,16 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument
 from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Command, Expansions, Format, Goals, TimeLimit
 
 
 def explain(
-    target: Annotated[str, typer.Argument(help="a problem; or, with STEP, a plan in JSON")],
-    step: Annotated[int | None, typer.Argument(help="the number of a step of the plan")] = None,
+    target: Annotated[str, Argument(help="a problem; or, with STEP, a plan in JSON")],
+    step: Annotated[int | None, Argument(help="the number of a step of the plan")] = None,
     goals: Goals = "",
     command: Command = "",
     format: Format = Form.TEXT,

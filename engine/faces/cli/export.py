@@ -4,9 +4,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Command, Format, Goals, Ground
 
@@ -22,19 +21,17 @@ class Language(StrEnum):
 def export(
     language: Annotated[
         Language,
-        typer.Argument(
+        Argument(
             help="pddl for a problem, bt for the behaviour tree of a plan, qif for the points to measure"
         ),
     ],
-    target: Annotated[
-        str, typer.Argument(metavar="TARGET|PLAN", help="what `plan` takes; for bt a plan in JSON")
-    ],
+    target: Annotated[str, Argument(metavar="TARGET|PLAN", help="what `plan` takes; for bt a plan in JSON")],
     goals: Goals = "",
     command: Command = "",
     ground: Ground = False,
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             help="the folder to write into, else this one; for bt and qif a file, else it is printed",

@@ -3,26 +3,25 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.options import Format, Target, number
 
 if TYPE_CHECKING:
     from engine.model.fits import Aligning, Fitting, Shape
 
-ShapeName = Annotated[str, typer.Argument(metavar="SHAPE", help="plane, sphere, cylinder, cone or circle")]
+ShapeName = Annotated[str, Argument(metavar="SHAPE", help="plane, sphere, cylinder, cone or circle")]
 Points = Annotated[
     Path,
-    typer.Argument(metavar="POINTS", help="points: CSV with columns x, y, z, or .npy, .pcd, .ply"),
+    Argument(metavar="POINTS", help="points: CSV with columns x, y, z, or .npy, .pcd, .ply"),
 ]
 Unit = Annotated[
-    str, typer.Option("--unit", help="in what POINTS count: m, cm, mm or in; whole numbers in a .npy are mm")
+    str, Option("--unit", help="in what POINTS count: m, cm, mm or in; whole numbers in a .npy are mm")
 ]
 Noise = Annotated[
     float,
-    typer.Option(
+    Option(
         "--noise",
         min=1e-6,
         max=1e3,
@@ -32,16 +31,14 @@ Noise = Annotated[
 ]
 Other = Annotated[
     tuple[str, str] | None,
-    typer.Option(
-        "--to", metavar="SHAPE POINTS", help="fit another shape, too; tell the distance and angle to it"
-    ),
+    Option("--to", metavar="SHAPE POINTS", help="fit another shape, too; tell the distance and angle to it"),
 ]
 ResultsFile = Annotated[
-    Path, typer.Argument(metavar="RESULTS", help="what `results -o` has written: .csv, .json, .qif")
+    Path, Argument(metavar="RESULTS", help="what `results -o` has written: .csv, .json, .qif")
 ]
 Within = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--within",
         min=0.0,
         callback=number,
@@ -49,7 +46,7 @@ Within = Annotated[
     ),
 ]
 Moved = Annotated[
-    Path | None, typer.Option("--output", "-o", help="write the problem there, with its points moved")
+    Path | None, Option("--output", "-o", help="write the problem there, with its points moved")
 ]
 
 
@@ -76,7 +73,7 @@ def _shape(name: str) -> "Shape":
 
     known = [each.value for each in Shape]
     if name not in known:
-        raise typer.BadParameter(f"no shape '{name}': one of {', '.join(known)}")
+        raise misfit(f"no shape '{name}': one of {', '.join(known)}")
     return Shape(name)
 
 

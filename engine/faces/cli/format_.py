@@ -3,17 +3,16 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.exits import BAD_INPUT, FINDINGS
 from engine.faces.cli.options import Format
 
 Files = Annotated[
     list[Path],
-    typer.Argument(metavar="FILE...", help="files, or folders of which every .yaml and .lp file is taken"),
+    Argument(metavar="FILE...", help="files, or folders of which every .yaml and .lp file is taken"),
 ]
-Check = Annotated[bool, typer.Option("--check", help="write nothing; exit with 1 if a file has another form")]
+Check = Annotated[bool, Option("--check", help="write nothing; exit with 1 if a file has another form")]
 
 
 def format_files(files: Files, check: Check = False, format: Format = Form.TEXT) -> None:

@@ -3,9 +3,8 @@
 import os
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Option
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.options import Format, Target
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 def golden_plans(
     target: Target,
-    update: Annotated[bool, typer.Option("--update", help="accept the answers as they are now")] = False,
+    update: Annotated[bool, Option("--update", help="accept the answers as they are now")] = False,
     format: Format = Form.TEXT,
 ) -> None:
     """Plan every problem of TARGET again and compare the answer with its golden file."""

@@ -8,6 +8,7 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.calibration import app as calibration
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import FINDINGS, GAVE_UP, INFEASIBLE
 from engine.faces.cli.options import Format, Seed, number
 from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
@@ -31,27 +32,27 @@ app.add_typer(calibration, name="calibrate")
 
 @app.command()
 def assemble(
-    base: Annotated[str, typer.Argument(help="the body on which the assembly is built")],
+    base: Annotated[str, Argument(help="the body on which the assembly is built")],
     scene: SceneName,
     image: Image = None,
     execute: Annotated[
         bool,
-        typer.Option("--execute", help="carry it out in MuJoCo, with tests and repairs where it goes wrong"),
+        Option("--execute", help="carry it out in MuJoCo, with tests and repairs where it goes wrong"),
     ] = False,
     shift: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--shift",
             help="with --execute: move a part or a fixture after it was seen, NAME=X,Y,TURN in mm and degrees; may be repeated",
         ),
     ] = None,
     remove: Annotated[
         list[str] | None,
-        typer.Option("--remove", help="with --execute: take a part away after it was seen; may be repeated"),
+        Option("--remove", help="with --execute: take a part away after it was seen; may be repeated"),
     ] = None,
     knock: Annotated[
         str,
-        typer.Option(
+        Option(
             "--knock",
             help="with --execute: the camera was knocked after it was calibrated, X,Y,Z,A,B,C in mm and degrees along its axes",
         ),
@@ -63,9 +64,9 @@ def assemble(
     """Put all parts of a scene where its relations say, in an order that the task planner finds and geometry proves."""
     changes = (shift or [], remove or [])
     if (any(changes) or knock) and not execute:
-        raise typer.BadParameter("--shift, --remove and --knock change what is executed: add --execute")
+        raise misfit("--shift, --remove and --knock change what is executed: add --execute")
     if image is not None and execute:
-        raise typer.BadParameter("--execute makes its images from the scene: leave out --image")
+        raise misfit("--execute makes its images from the scene: leave out --image")
     done = (changes, knock) if execute else None
     give(lambda: _assembled(base, scene_of(scene, calibration), image, seed, done), format)
 
@@ -121,13 +122,13 @@ def _executed(
 
 @app.command()
 def align(
-    first: Annotated[str, typer.Argument(metavar="FEATURE", help="of the part, such as angle.heel")],
-    kind: Annotated[str, typer.Argument(metavar="RELATION", help="such as parallel, aligned or coplanar")],
-    second: Annotated[str, typer.Argument(metavar="FEATURE", help="of another body, such as base.front")],
+    first: Annotated[str, Argument(metavar="FEATURE", help="of the part, such as angle.heel")],
+    kind: Annotated[str, Argument(metavar="RELATION", help="such as parallel, aligned or coplanar")],
+    second: Annotated[str, Argument(metavar="FEATURE", help="of another body, such as base.front")],
     scene: SceneName,
     by: Annotated[
         float,
-        typer.Option(
+        Option(
             callback=number, help="how far or how much, in millimetres or degrees, where the relation asks"
         ),
     ] = 0.0,
@@ -160,10 +161,10 @@ def _aligned(
 
 @app.command()
 def watch(
-    part: Annotated[str, typer.Argument(metavar="PART", help="the part that an operator places")],
-    base: Annotated[str, typer.Argument(metavar="PART", help="the body that it is placed on")],
+    part: Annotated[str, Argument(metavar="PART", help="the part that an operator places")],
+    base: Annotated[str, Argument(metavar="PART", help="the body that it is placed on")],
     scene: SceneName,
-    acts: Annotated[Path, typer.Option(help="what the operator does, as JSON (docs/placing.md)")],
+    acts: Annotated[Path, Option(help="what the operator does, as JSON (docs/placing.md)")],
     image: Image = None,
     seed: Seed = 0,
     format: Format = Form.TEXT,

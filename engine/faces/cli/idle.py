@@ -2,15 +2,13 @@
 
 from collections.abc import Mapping
 
-import typer
+from engine.faces.cli.declared import misfit
 
-
-class IdleOption(typer.BadParameter):
-    """An option that would change nothing."""
+IDLE = "K408"  # the code of an option that would change nothing
 
 
 def refuse_idle(options: Mapping[str, object], why: str) -> None:
-    """Refuse the first of the options that is given, because it would change nothing. Raises `IdleOption`."""
+    """Refuse the first of the options that is given, because it would change nothing: raises a `misfit`."""
     for name, value in options.items():
         if value:
-            raise IdleOption(f"{name} has no effect {why}")
+            raise misfit(f"{name} has no effect {why}", IDLE)

@@ -3,17 +3,16 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.options import Format, Seed, Target, number
 from engine.faces.cli.scene_files import Image, SceneName
 
-Name = Annotated[str, typer.Argument(help="the name of the measurement")]
+Name = Annotated[str, Argument(help="the name of the measurement")]
 Expected = Annotated[
     float,
-    typer.Option(
+    Option(
         "--expected",
         min=0.0,
         max=1e4,
@@ -23,26 +22,26 @@ Expected = Annotated[
 ]
 Displaced = Annotated[
     tuple[float, float, float] | None,
-    typer.Option(
+    Option(
         "--displaced", help="where everything really is, beside where it is expected: x y z in millimetres"
     ),
 ]
 Given = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--from",
         help="the image that the tool took: .npz, or a depth image: .npy, 16-bit .png in mm, .pcd, .ply; else it is made",
     ),
 ]
-Output = Annotated[Path | None, typer.Option("--output", "-o", help="write the image there, as .npz")]
+Output = Annotated[Path | None, Option("--output", "-o", help="write the image there, as .npz")]
 Wrapped = Annotated[
     bool,
-    typer.Option("--wrapped", help="write it as the tool answers: ranges modulo half the wavelength"),
+    Option("--wrapped", help="write it as the tool answers: ranges modulo half the wavelength"),
 ]
-Picture = Annotated[Path | None, typer.Option("--picture", help="write a picture there, as .png")]
+Picture = Annotated[Path | None, Option("--picture", help="write a picture there, as .png")]
 Parts = Annotated[
     list[str] | None,
-    typer.Option("--part", help="a part to look for; all parts of the scene if none is given"),
+    Option("--part", help="a part to look for; all parts of the scene if none is given"),
 ]
 
 
@@ -60,9 +59,9 @@ def image(
 ) -> None:
     """Make the range image that the measurement NAME of TARGET is taken from, or read it, and measure its patch in it."""
     if given is not None and displaced is not None:
-        raise typer.BadParameter("an image that is read shows where things are", param_hint="--displaced")
+        raise misfit("an image that is read shows where things are", param_hint="--displaced")
     if wrapped and output is None:
-        raise typer.BadParameter("say with -o where to write it", param_hint="--wrapped")
+        raise misfit("say with -o where to write it", param_hint="--wrapped")
     off = None if displaced is None else (displaced[0] * 1e-3, displaced[1] * 1e-3, displaced[2] * 1e-3)
     give(lambda: _image(target, name, expected * 1e-3, off, given, seed, output, wrapped, picture), format)
 

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Format, number
 
@@ -18,23 +19,23 @@ def import_() -> None:
 
 
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", help="the problem file to write; FILE.yaml if not given")
+    Path | None, Option("--output", "-o", help="the problem file to write; FILE.yaml if not given")
 ]
-Domain = Annotated[str, typer.Option(help="a domain that chooses tools, by path or bundled name")]
+Domain = Annotated[str, Option(help="a domain that chooses tools, by path or bundled name")]
 
 
 @app.command()
 def qif(
-    file: Annotated[Path, typer.Argument(help="a QIF document, or a CSV table of points")],
+    file: Annotated[Path, Argument(help="a QIF document, or a CSV table of points")],
     output: Output = None,
     domain: Domain = "bulkhead",
     unit: Annotated[
         str,
-        typer.Option(help="mm, cm, m or in: the unit of --edge-distance, and of a file that names no unit"),
+        Option(help="mm, cm, m or in: the unit of --edge-distance, and of a file that names no unit"),
     ] = "mm",
     edge_distance: Annotated[
         float | None,
-        typer.Option(min=0, callback=number, help="how far points on faces stay away from their edges"),
+        Option(min=0, callback=number, help="how far points on faces stay away from their edges"),
     ] = None,
     format: Format = Form.TEXT,
 ) -> None:
@@ -48,10 +49,10 @@ def qif(
 
 @app.command()
 def csv(
-    file: Annotated[Path, typer.Argument(help="a CSV table of points")],
+    file: Annotated[Path, Argument(help="a CSV table of points")],
     output: Output = None,
     domain: Domain = "bulkhead",
-    unit: Annotated[str, typer.Option(help="the unit of the lengths in the table: mm, cm, m or in")] = "mm",
+    unit: Annotated[str, Option(help="the unit of the lengths in the table: mm, cm, m or in")] = "mm",
     format: Format = Form.TEXT,
 ) -> None:
     """Write a problem with the points of a table."""

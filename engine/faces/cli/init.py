@@ -4,18 +4,17 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.options import Format
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="a folder that is new or empty")],
+    folder: Annotated[Path, Argument(help="a folder that is new or empty")],
     with_: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--with",
             metavar="DEVICES",
             help="put it together from devices: furnace,drawer,balance; hotel=rack gives one a name",
@@ -27,7 +26,7 @@ def init(
     """Write a small commented domain into FOLDER, with problems, a fault base and a golden plan."""
     devices = [each.strip() for each in (with_ or "").split(",") if each.strip()]
     if with_ is not None and not devices:
-        raise typer.BadParameter("it names no device; `devices list` has their names", param_hint="--with")
+        raise misfit("it names no device; `devices list` has their names", param_hint="--with")
     give(lambda: _assembled(folder, devices) if devices else _init(folder), format)
 
 

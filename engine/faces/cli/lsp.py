@@ -2,12 +2,11 @@
 
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Option
 
 EXTRA = ("pygls", "lsprotocol")
-Stdio = Annotated[bool, typer.Option("--stdio", help="speak over standard input and output, as always")]
+Stdio = Annotated[bool, Option("--stdio", help="speak over standard input and output, as always")]
 
 
 def lsp(_stdio: Stdio = True) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.options import Format, Library
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 LARGEST = 2**63 - 1  # the largest number that a database can store
 DomainOf = Annotated[
-    str, typer.Option("--domain", help="only the MACROPs of this domain (a path or a bundled name)")
+    str, Option("--domain", help="only the MACROPs of this domain (a path or a bundled name)")
 ]
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -39,7 +40,7 @@ def list_(store: Library, domain: DomainOf = "", format: Format = Form.TEXT) -> 
 
 @app.command()
 def show(
-    number: Annotated[int, typer.Argument(max=LARGEST, help="the number of a MACROP")],
+    number: Annotated[int, Argument(max=LARGEST, help="the number of a MACROP")],
     store: Library,
     format: Format = Form.TEXT,
 ) -> None:
@@ -49,7 +50,7 @@ def show(
 
 @app.command()
 def learn(
-    files: Annotated[list[Path], typer.Argument(help="plans in JSON")],
+    files: Annotated[list[Path], Argument(help="plans in JSON")],
     store: Library,
     format: Format = Form.TEXT,
 ) -> None:
@@ -60,19 +61,19 @@ def learn(
 @app.command()
 def forget(
     store: Library,
-    numbers: Annotated[list[int] | None, typer.Argument(max=LARGEST, help="the numbers of MACROPs")] = None,
-    stale: Annotated[str, typer.Option(help="remove the MACROPs that are stale in this domain")] = "",
+    numbers: Annotated[list[int] | None, Argument(max=LARGEST, help="the numbers of MACROPs")] = None,
+    stale: Annotated[str, Option(help="remove the MACROPs that are stale in this domain")] = "",
     format: Format = Form.TEXT,
 ) -> None:
     """Remove MACROPs by number, or all MACROPs that are stale in a domain."""
     if not numbers and not stale:
-        raise typer.BadParameter("give numbers, or --stale with a domain")
+        raise misfit("give numbers, or --stale with a domain")
     give(lambda: _forget(numbers or [], stale, store), format)
 
 
 @app.command("export")
 def export_(
-    file: Annotated[Path, typer.Argument(help="the file to write, JSON")],
+    file: Annotated[Path, Argument(help="the file to write, JSON")],
     store: Library,
     domain: DomainOf = "",
     format: Format = Form.TEXT,
@@ -83,7 +84,7 @@ def export_(
 
 @app.command("import")
 def import_(
-    file: Annotated[Path, typer.Argument(help="a file that export wrote")],
+    file: Annotated[Path, Argument(help="a file that export wrote")],
     store: Library,
     format: Format = Form.TEXT,
 ) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.dimensions import dimensions
 from engine.faces.cli.fitting import align, fit
 from engine.faces.cli.imaging import image, recognise
@@ -16,24 +17,20 @@ if TYPE_CHECKING:
     from engine.model.measurement import MeasurementPoint
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
-File = Annotated[Path, typer.Argument(help="a problem file")]
-Name = Annotated[str, typer.Argument(help="the name of the measurement")]
-At = Annotated[tuple[float, float, float], typer.Option("--at", help="the position: x y z in millimetres")]
+File = Annotated[Path, Argument(help="a problem file")]
+Name = Annotated[str, Argument(help="the name of the measurement")]
+At = Annotated[tuple[float, float, float], Option("--at", help="the position: x y z in millimetres")]
 Normal = Annotated[
-    tuple[float, float, float], typer.Option("--normal", help="the direction away from the material: x y z")
+    tuple[float, float, float], Option("--normal", help="the direction away from the material: x y z")
 ]
-Kind = Annotated[str, typer.Option("--kind", help="what is measured there: profile, thickness")]
-Tolerance = Annotated[
-    float | None, typer.Option("--tolerance", help="width of the tolerance zone in millimetres")
-]
+Kind = Annotated[str, Option("--kind", help="what is measured there: profile, thickness")]
+Tolerance = Annotated[float | None, Option("--tolerance", help="width of the tolerance zone in millimetres")]
 Nominal = Annotated[
-    float | None, typer.Option("--nominal", help="what the measurement should give, in millimetres")
+    float | None, Option("--nominal", help="what the measurement should give, in millimetres")
 ]
-Bore = Annotated[
-    float | None, typer.Option("--bore", help="width of the hole around the point, in millimetres")
-]
+Bore = Annotated[float | None, Option("--bore", help="width of the hole around the point, in millimetres")]
 
-Tool = Annotated[str, typer.Option("--tool", help="the tool that is to take it, if it can")]
+Tool = Annotated[str, Option("--tool", help="the tool that is to take it, if it can")]
 
 
 @app.callback()
@@ -123,7 +120,7 @@ def _point(
 
     length = hypot(*normal)
     if not length:
-        raise typer.BadParameter("the normal has no length")
+        raise misfit("the normal has no length")
     tolerance, bore, wanted = (None if each is None else each * 1e-3 for each in sizes)
     place = (at[0] * 1e-3, at[1] * 1e-3, at[2] * 1e-3)
     unit = (normal[0] / length, normal[1] / length, normal[2] / length)

@@ -5,20 +5,21 @@ from typing import Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.run import Store
 from kb.store.own import default_store
 
 EXTRA = ("nicegui", "fastapi", "uvicorn")
 Host = Annotated[
     str,
-    typer.Option(
+    Option(
         "--host", metavar="ADDRESS", help="serve on this address; beyond this machine, the page needs a token"
     ),
 ]
-Port = Annotated[int, typer.Option("--port", min=1, max=65535, help="serve on this port")]
-ReadOnly = Annotated[bool, typer.Option("--read-only", help="only watch: no page gives orders")]
+Port = Annotated[int, Option("--port", min=1, max=65535, help="serve on this port")]
+ReadOnly = Annotated[bool, Option("--read-only", help="only watch: no page gives orders")]
 RunName = Annotated[
-    str, typer.Argument(metavar="[RUN]", help="the run to begin with; without it, all runs are listed")
+    str, Argument(metavar="[RUN]", help="the run to begin with; without it, all runs are listed")
 ]
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Cluster, Format, Seed, Target, number
@@ -50,53 +51,41 @@ class TableForm(StrEnum):
     FACTS = "facts"
 
 
-From = Annotated[str, typer.Option("--from", help=f"where it starts: {NAMED}")]
-To = Annotated[
-    list[str] | None, typer.Option("--to", help="where it goes: the same; of several, one is reached")
-]
-Problems = Annotated[
-    Path | None, typer.Option(help="replay this set of problems, in place of --from and --to")
-]
+From = Annotated[str, Option("--from", help=f"where it starts: {NAMED}")]
+To = Annotated[list[str] | None, Option("--to", help="where it goes: the same; of several, one is reached")]
+Problems = Annotated[Path | None, Option(help="replay this set of problems, in place of --from and --to")]
 Margin = Annotated[
-    float, typer.Option(min=0, max=10, callback=number, help="metres that everything must stay clear")
+    float, Option(min=0, max=10, callback=number, help="metres that everything must stay clear")
 ]
 Bridges = Annotated[
-    int, typer.Option(min=0, max=100_000, help="short cuts that are tried: more work, a shorter path")
+    int, Option(min=0, max=100_000, help="short cuts that are tried: more work, a shorter path")
 ]
 Strategy = Annotated[
-    Way, typer.Option(help="connect: two trees; visibility: the hand first; reduced: three joints at a time")
+    Way, Option(help="connect: two trees; visibility: the hand first; reduced: three joints at a time")
 ]
 Refine = Annotated[
     int,
-    typer.Option(min=0, max=100_000_000, help="configurations to look at for a shorter path, such as 100000"),
+    Option(min=0, max=100_000_000, help="configurations to look at for a shorter path, such as 100000"),
 ]
-Budget = Annotated[
-    int, typer.Option(min=1, max=1_000_000_000, help="configurations to look at before it gives up")
-]
+Budget = Annotated[int, Option(min=1, max=1_000_000_000, help="configurations to look at before it gives up")]
 Upright = Annotated[
     float,
-    typer.Option(
-        min=0, max=90, callback=number, help="degrees by which what is in hand may tilt; 0: as it likes"
-    ),
+    Option(min=0, max=90, callback=number, help="degrees by which what is in hand may tilt; 0: as it likes"),
 ]
-Direct = Annotated[
-    bool, typer.Option("--direct", help="no straight lines of the tool out of places and into them")
-]
-Tool = Annotated[str, typer.Option(help="the tool in hand, where no place says which")]
-Rest = Annotated[bool, typer.Option("--rest", help="rest at each configuration, and cut no corner")]
+Direct = Annotated[bool, Option("--direct", help="no straight lines of the tool out of places and into them")]
+Tool = Annotated[str, Option(help="the tool in hand, where no place says which")]
+Rest = Annotated[bool, Option("--rest", help="rest at each configuration, and cut no corner")]
 MotionJobs = Annotated[
-    int, typer.Option("--jobs", min=0, help="number of processes; 0 means as many as there are processors")
+    int, Option("--jobs", min=0, help="number of processes; 0 means as many as there are processors")
 ]
 Notes = Annotated[
     str,
-    typer.Option(
-        "--store", help="a library that notes what is finished, until all is: the next call goes on"
-    ),
+    Option("--store", help="a library that notes what is finished, until all is: the next call goes on"),
 ]
-Shown = Annotated[MotionForm, typer.Option("--format", help="how it is shown")]
-Azimuth = Annotated[float, typer.Option(callback=number, help="degrees about z from which a PNG is seen")]
-Elevation = Annotated[float, typer.Option(callback=number, help="degrees above the ground")]
-Output = Annotated[Path | None, typer.Option("--output", "-o", help="the file to write")]
+Shown = Annotated[MotionForm, Option("--format", help="how it is shown")]
+Azimuth = Annotated[float, Option(callback=number, help="degrees about z from which a PNG is seen")]
+Elevation = Annotated[float, Option(callback=number, help="degrees above the ground")]
+Output = Annotated[Path | None, Option("--output", "-o", help="the file to write")]
 
 
 @app.callback()
@@ -171,17 +160,17 @@ def _refuse_misfits(
     if problems is not None:
         refuse_idle({"--from": start, "--to": goal, f"--format {format}": pictured}, "with --problems")
     elif not (start and goal):
-        raise typer.BadParameter("give --from and --to, or --problems")
+        raise misfit("give --from and --to, or --problems")
     elif not pictured:
         refuse_idle({"--output": output}, "without a picture: give --format svg, gltf or png")
     if format is MotionForm.PNG and output is None:
-        raise typer.BadParameter("--format png needs --output")
+        raise misfit("--format png needs --output")
 
 
 @app.command("problems")
 def motion_problems(
     target: Target,
-    count: Annotated[int, typer.Option(min=1, max=10_000, help="how many problems are drawn")] = 20,
+    count: Annotated[int, Option(min=1, max=10_000, help="how many problems are drawn")] = 20,
     tool: Tool = "",
     seed: Seed = 0,
     output: Output = None,
@@ -197,12 +186,12 @@ def motion_travel(
     target: Target,
     tool: Tool = "",
     place: Annotated[
-        list[str] | None, typer.Option(help="only these places; all that take the tool otherwise")
+        list[str] | None, Option(help="only these places; all that take the tool otherwise")
     ] = None,
     jobs: MotionJobs = 1,
     cluster: Cluster = "",
     store: Notes = "",
-    format: Annotated[TableForm, typer.Option("--format", help="how it is shown")] = TableForm.TEXT,
+    format: Annotated[TableForm, Option("--format", help="how it is shown")] = TableForm.TEXT,
 ) -> None:
     """Print how long free motions between the places of TARGET's cell take."""
     from engine.faces.cli.motion_sets import table
@@ -212,23 +201,19 @@ def motion_travel(
     give(lambda: table(target, tool, tuple(place or ()), format is TableForm.FACTS, work), form)
 
 
-Played = Annotated[str, typer.Argument(metavar="TARGET", help="what `plan` takes; leave it out with --run")]
+Played = Annotated[str, Argument(metavar="TARGET", help="what `plan` takes; leave it out with --run")]
 Film = Annotated[
     Path | None,
-    typer.Option("--output", "-o", help="FILE.gltf for a scene that moves, FILE.png for numbered pictures"),
+    Option("--output", "-o", help="FILE.gltf for a scene that moves, FILE.png for numbered pictures"),
 ]
-RunName = Annotated[str, typer.Option("--run", help="play this run from its journal")]
+RunName = Annotated[str, Option("--run", help="play this run from its journal")]
 Journals = Annotated[
     str,
-    typer.Option(
-        "--store", envvar="CELLWRIGHT_STORE", help="with --run: the journal; else where poses are kept"
-    ),
+    Option("--store", envvar="CELLWRIGHT_STORE", help="with --run: the journal; else where poses are kept"),
 ]
 Every = Annotated[
     float,
-    typer.Option(
-        min=0, max=3600, callback=number, help="seconds between two shots; 0: 0.1, or 1 for pictures"
-    ),
+    Option(min=0, max=3600, callback=number, help="seconds between two shots; 0: 0.1, or 1 for pictures"),
 ]
 
 
@@ -246,9 +231,9 @@ def motion_play(
 ) -> None:
     """Write a film of the plan of TARGET, or of a run, with everything that moves."""
     if bool(target) == bool(run):
-        raise typer.BadParameter("give a target, or a run with --run")
+        raise misfit("give a target, or a run with --run")
     if output is None or output.suffix not in (".gltf", ".png"):
-        raise typer.BadParameter("give -o FILE.gltf or -o FILE.png")
+        raise misfit("give -o FILE.gltf or -o FILE.png")
     seen, file = (math.radians(azimuth), math.radians(elevation)), output
     pace = every or (1.0 if file.suffix == ".png" else 0.1)
 

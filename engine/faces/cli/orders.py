@@ -2,36 +2,33 @@
 
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.options import Format
 
 RunName = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="RUN",
         help="the name of the run, as `cellwright run` prints it",
         autocompletion=completion.runs,
     ),
 ]
-Step = Annotated[
-    str, typer.Argument(metavar="STEP", help="a step of the plan: its number, or as it is written")
-]
+Step = Annotated[str, Argument(metavar="STEP", help="a step of the plan: its number, or as it is written")]
 Facts = Annotated[
-    str, typer.Argument(metavar="FACTS", help="facts, separated by ;, with a - before those that do not hold")
+    str, Argument(metavar="FACTS", help="facts, separated by ;, with a - before those that do not hold")
 ]
 Said = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="[ANSWER]", help="an outcome that the question allows, or a step; else the only open one"
     ),
 ]
-Where = Annotated[str, typer.Option("--store", help="the journal of RUN, if runs in several have its name")]
+Where = Annotated[str, Option("--store", help="the journal of RUN, if runs in several have its name")]
 Words = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="COMMAND",
         help="a further command, in the words of the domain; due(OBJECT, TIME) and priority(OBJECT, NUMBER) behind a ;",
     ),

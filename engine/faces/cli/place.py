@@ -5,9 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, STOPPED
 from engine.faces.cli.motion import Strategy, Way
 from engine.faces.cli.options import Format, Seed
@@ -20,11 +19,11 @@ if TYPE_CHECKING:
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
 
 
-On = Annotated[str, typer.Argument(metavar="ON", help="the word `on`")]
+On = Annotated[str, Argument(metavar="ON", help="the word `on`")]
 
 Again = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--again",
         help="a depth image taken just before the part is grasped: what has moved since is planned anew",
     ),
@@ -40,9 +39,9 @@ class Approach(StrEnum):
 
 
 def place(
-    part: Annotated[str, typer.Argument(metavar="PART", help="the part that is placed")],
+    part: Annotated[str, Argument(metavar="PART", help="the part that is placed")],
     on: On,
-    base: Annotated[str, typer.Argument(metavar="PART", help="the body that it is placed on")],
+    base: Annotated[str, Argument(metavar="PART", help="the body that it is placed on")],
     scene: SceneName,
     image: Image = None,
     calibration: Calibration = None,
@@ -51,25 +50,23 @@ def place(
     format: Format = Form.TEXT,
     approach: Annotated[
         Approach,
-        typer.Option(
+        Option(
             help="complete: straight, else the best way in the grasp plane; straight; potential: Handey's field of forces"
         ),
     ] = Approach.COMPLETE,
     strategy: Strategy = Way.CONNECT,
-    execute: Annotated[bool, typer.Option("--execute", help="carry it out in MuJoCo")] = False,
+    execute: Annotated[bool, Option("--execute", help="carry it out in MuJoCo")] = False,
     approve: Annotated[
-        bool, typer.Option("--approve", help="with --execute: show the plan and ask before anything moves")
+        bool, Option("--approve", help="with --execute: show the plan and ask before anything moves")
     ] = False,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", help="a folder for a picture of each stage, and a preview of the motion"
-        ),
+        Option("--output", "-o", help="a folder for a picture of each stage, and a preview of the motion"),
     ] = None,
 ) -> None:
     """Place a part ON another one, as the relations of a scene say: find it, grasp it, and plan all motions."""
     if on.lower() != "on":
-        raise typer.BadParameter(f"write: place {part} on {base}", param_hint="ON")
+        raise misfit(f"write: place {part} on {base}", param_hint="ON")
     names, images, moves = (part, base), (image, again), (execute, approve)
     manner = approach.value, strategy.value
     _refuse_misfits(images, moves)
@@ -80,9 +77,9 @@ def _refuse_misfits(images: tuple[Path | None, Path | None], moves: tuple[bool, 
     """Refuse options that do not go together: images of files, and what is carried out and asked for."""
     execute, approve = moves
     if approve and not execute:
-        raise typer.BadParameter("--approve asks before something moves: add --execute")
+        raise misfit("--approve asks before something moves: add --execute")
     if execute and any(images):
-        raise typer.BadParameter("--execute makes its images from the scene: leave out --image and --again")
+        raise misfit("--execute makes its images from the scene: leave out --image and --again")
 
 
 def _placed(

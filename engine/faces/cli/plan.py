@@ -5,10 +5,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli import plan_forms
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import INTERRUPTED, exit_code
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import (
@@ -52,13 +51,13 @@ class Wish(StrEnum):
 
 Objective = Annotated[
     Wish | None,
-    typer.Option(
+    Option(
         "--objective",
         help="what the plan should have least of; without it makespan, then cost, where steps take time, else cost",
     ),
 ]
 Folded = Annotated[
-    bool, typer.Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps")
+    bool, Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps")
 ]
 
 
@@ -71,12 +70,12 @@ class Ordering(StrEnum):
 
 Motion = Annotated[
     bool,
-    typer.Option("--motion", help="with the motion of the arm in every step, and the time that it takes"),
+    Option("--motion", help="with the motion of the arm in every step, and the time that it takes"),
 ]
 
 Order = Annotated[
     Ordering | None,
-    typer.Option(
+    Option(
         "--order",
         help="who orders measurements: the sequencer, or the planner alone (free); without it the sequencer, unless "
         "--objective, --strategy, --race or --anytime asks the planner",
@@ -88,11 +87,11 @@ FORMAT = "how the plan is written: text, unless the name of the output ends othe
 
 def plan(
     target: Target,
-    task: Annotated[Path | None, typer.Argument(help="with --pddl: the PDDL problem")] = None,
+    task: Annotated[Path | None, Argument(help="with --pddl: the PDDL problem")] = None,
     pddl: Pddl = False,
     goals: Goals = "",
     command: Command = "",
-    format: Annotated[PlanForm | None, typer.Option("--format", help=FORMAT)] = None,
+    format: Annotated[PlanForm | None, Option("--format", help=FORMAT)] = None,
     output: Output = None,
     stats: Stats = False,
     time_limit: TimeLimit = None,
@@ -133,9 +132,9 @@ def _order(given: Ordering | None, searching: "Mapping[str, object]") -> Orderin
 def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool) -> None:
     """Refuse options that do not go together; `raced` is the strategy that is asked for beside a race of all."""
     if pddl and motion:
-        raise typer.BadParameter("--motion needs a cell: a PDDL problem has none")
+        raise misfit("--motion needs a cell: a PDDL problem has none")
     if pddl != (wanted.pddl is not None):
-        raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
+        raise misfit("--pddl takes a domain and a problem; without it there is one target")
     if pddl:
         own: dict[str, object] = {"--goals": wanted.goals, "--command": wanted.command}
         own |= dict(zip(("--window", "--lasts", "--before"), wanted.demands, strict=True))
@@ -147,7 +146,7 @@ def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool)
 def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> None:
     """Refuse options that the form of the answer cannot show."""
     if folded and not store:
-        raise typer.BadParameter("--folded needs a library of MACROPs: give --store")
+        raise misfit("--folded needs a library of MACROPs: give --store")
     if form is not PlanForm.TEXT:
         refuse_idle({"--folded": folded}, f"on {form}, only on text")
     if form not in (PlanForm.TEXT, PlanForm.JSON):

@@ -2,9 +2,8 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument
 from engine.faces.cli.exits import BAD_INPUT, GAVE_UP, INTERRUPTED, LIMIT
 from engine.faces.cli.options import Cluster, Expansions, Format, Jobs, Library, Seed, TimeLimit
 from engine.faces.cli.working import crew_asked, progress_of, refuse_both
@@ -32,7 +31,7 @@ UNITS = (  # what planning a problem needs, also what is loaded only when it is 
 
 def prepare(
     target: Annotated[
-        str, typer.Argument(help="a domain (all its problems), a folder of problems, or one problem")
+        str, Argument(help="a domain (all its problems), a folder of problems, or one problem")
     ],
     store: Library,
     jobs: Jobs = 0,

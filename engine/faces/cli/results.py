@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.options import Format
 from engine.faces.cli.run import Store
 from kb.store.own import default_store
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 RunName = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="[RUN]",
         help="the name of a run; without it, all runs are listed",
         autocompletion=completion.runs,
@@ -24,7 +23,7 @@ RunName = Annotated[
 ]
 Output = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--output",
         "-o",
         metavar="FILE",
@@ -35,7 +34,7 @@ Output = Annotated[
 
 History = Annotated[
     bool,
-    typer.Option("--history", help="show the histories of all objects, not those alone that are processed"),
+    Option("--history", help="show the histories of all objects, not those alone that are processed"),
 ]
 
 
@@ -48,7 +47,7 @@ def results(
 ) -> None:
     """Show what RUN has measured, and the history of each object; or write it as CSV, JSON, QIF Results or a report in HTML."""
     if output is not None and not run:
-        raise typer.BadParameter("--output needs the name of a run")
+        raise misfit("--output needs the name of a run")
     give(lambda: _told(run, store or default_store(), output, history), format)
 
 

@@ -2,10 +2,9 @@
 
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli import completion
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.options import Expansions, Format, Seed, number
 from engine.faces.cli.run import Events, Store, Watch
 
@@ -13,7 +12,7 @@ from engine.faces.cli.run import Events, Store, Watch
 def resume(
     run: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="RUN",
             help="the name of the run, as `cellwright run` printed it",
             autocompletion=completion.runs,
@@ -22,7 +21,7 @@ def resume(
     store: Store = "",
     factor: Annotated[
         float | None,
-        typer.Option(
+        Option(
             min=0,
             callback=number,
             help="the share of real time that simulated time takes; if not given, as before",
@@ -36,7 +35,7 @@ def resume(
 ) -> None:
     """Go on with RUN from its journal: ask the driver what became of commands under way, repeat none, and finish."""
     if events == "-" and format is Form.JSON:
-        raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
+        raise misfit("--events - writes lines of JSON to the output: leave out --format json")
     give(lambda: _resumed(run, store, factor, events, watch, (expansions, seed)), format)
 
 

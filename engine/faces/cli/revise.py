@@ -4,24 +4,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.exits import INTERRUPTED, exit_code
 from engine.faces.cli.options import Expansions, Format, Seed, TimeLimit
 
 
 def revise(
-    file: Annotated[Path, typer.Argument(help="a plan in JSON")],
-    done: Annotated[str, typer.Option(help="the steps that are done, such as 1..4, 7")] = "",
-    holds: Annotated[str, typer.Option(help="facts that hold unexpectedly")] = "",
-    gone: Annotated[str, typer.Option(help="facts that unexpectedly do not hold")] = "",
+    file: Annotated[Path, Argument(help="a plan in JSON")],
+    done: Annotated[str, Option(help="the steps that are done, such as 1..4, 7")] = "",
+    holds: Annotated[str, Option(help="facts that hold unexpectedly")] = "",
+    gone: Annotated[str, Option(help="facts that unexpectedly do not hold")] = "",
     lost: Annotated[
-        str, typer.Option(help="tools and resources that can no longer be used, such as us_probe")
+        str, Option(help="tools and resources that can no longer be used, such as us_probe")
     ] = "",
-    both: Annotated[
-        bool, typer.Option("--both", help="always replan too, and take the cheaper plan")
-    ] = False,
+    both: Annotated[bool, Option("--both", help="always replan too, and take the cheaper plan")] = False,
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Option, misfit
 from engine.faces.cli.exits import FINDINGS, STOPPED, exit_code
 from engine.faces.cli.options import Command, Expansions, Format, Goals, Seed, Target, number
 from engine.faces.cli.supervision import Watching
@@ -19,21 +18,21 @@ if TYPE_CHECKING:
     from engine.stages.planning import Limits
     from kb.model.problem import Problem
 
-DriverName = Annotated[str, typer.Option("--driver", help="who carries out the commands: sim, or a plug-in")]
+DriverName = Annotated[str, Option("--driver", help="who carries out the commands: sim, or a plug-in")]
 Store = Annotated[
     str,
-    typer.Option(
+    Option(
         "--store",
         envvar="CELLWRIGHT_STORE",
         help="where the journal is kept: a file, or postgresql://USER@HOST/DATABASE",
     ),
 ]
 Name = Annotated[
-    str, typer.Option("--name", help="the name of the run; if not given, that of the problem and a number")
+    str, Option("--name", help="the name of the run; if not given, that of the problem and a number")
 ]
 Factor = Annotated[
     float,
-    typer.Option(
+    Option(
         min=0,
         callback=number,
         help="the share of real time that simulated time takes: 0 at once, 1 in real time",
@@ -41,33 +40,29 @@ Factor = Annotated[
 ]
 Faults = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--fault",
         help="simulate a fault: STEP=CAUSE, STEP being a number, an operator or a whole step; may be repeated",
     ),
 ]
 Options = Annotated[
     list[str] | None,
-    typer.Option(
-        "--option", help="an option of the driver: NAME=VALUE (sim: spread=0.2, lookahead=4, log=FILE)"
-    ),
+    Option("--option", help="an option of the driver: NAME=VALUE (sim: spread=0.2, lookahead=4, log=FILE)"),
 ]
-Approve = Annotated[bool, typer.Option("--approve", help="show the plan and ask before anything moves")]
+Approve = Annotated[bool, Option("--approve", help="show the plan and ask before anything moves")]
 Events = Annotated[
-    str, typer.Option("--events", help="write each event as a line of JSON to this file; - is the output")
+    str, Option("--events", help="write each event as a line of JSON to this file; - is the output")
 ]
 Watch = Annotated[
     bool,
-    typer.Option(
+    Option(
         "--watch",
         help="show how the run goes: on a terminal with --factor a live display with keys, else plain lines",
     ),
 ]
 Motion = Annotated[
     bool,
-    typer.Option(
-        "--motion", help="plan with the motion of the arm in every step, and the time that it takes"
-    ),
+    Option("--motion", help="plan with the motion of the arm in every step, and the time that it takes"),
 ]
 
 
@@ -92,7 +87,7 @@ def run(
     """Plan TARGET, carry the plan out, handle what goes wrong, and go on until the goals are reached."""
     asked = Asked(target, goals, command, driver, store, name, factor, seed, approve, expansions, motion)
     if events == "-" and format is Form.JSON:
-        raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
+        raise misfit("--events - writes lines of JSON to the output: leave out --format json")
     give(lambda: _run(asked, fault or [], option or [], events, watch, format), format)
 
 
@@ -197,7 +192,7 @@ def options_of(given: Sequence[str]) -> dict[str, str]:
     for each in given:
         name, equals, value = each.partition("=")
         if not equals:
-            raise typer.BadParameter(f"--option {each}: write NAME=VALUE")
+            raise misfit(f"--option {each}: write NAME=VALUE")
         found[name.strip()] = value.strip()
     return found
 

@@ -6,15 +6,14 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-import typer
-
+from engine.faces.cli.declared import Option, misfit
 from engine.faces.cli.idle import refuse_idle
 
 AnyForm = TypeVar("AnyForm", bound=StrEnum)
 
 Output = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--output",
         "-o",
         metavar="FILE",
@@ -36,7 +35,7 @@ def form_of(output: Path | None, given: AnyForm | None, text: AnyForm) -> AnyFor
     forms = {f".{each.value}": each for each in type(text) if each is not text}
     found = forms.get(output.suffix.lower())
     if found is None:
-        raise typer.BadParameter(f"--output: the name of the file must end in one of {', '.join(forms)}")
+        raise misfit(f"--output: the name of the file must end in one of {', '.join(forms)}")
     return found
 
 

@@ -3,16 +3,15 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli import completion
+from engine.faces.cli.declared import Option
 
 if TYPE_CHECKING:
     from kb.model.scene import Scene
 
 SceneName = Annotated[
     str,
-    typer.Option(
+    Option(
         "--scene",
         help="a scene file, or the name of a bundled one, such as handey or handey/five",
         autocompletion=completion.scenes,
@@ -20,16 +19,14 @@ SceneName = Annotated[
 ]
 Image = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--image",
         help="the depth image: .npy, 16-bit .png in mm, .pcd or .ply; else it is made from the scene",
     ),
 ]
 Calibration = Annotated[
     Path | None,
-    typer.Option(
-        "--calibration", help="a file with what calibrations have found of the camera (docs/placing.md)"
-    ),
+    Option("--calibration", help="a file with what calibrations have found of the camera (docs/placing.md)"),
 ]
 
 

@@ -5,9 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.exits import INTERRUPTED
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number
@@ -34,28 +33,28 @@ class ScheduleForm(StrEnum):
 
 Work = Annotated[
     float,
-    typer.Option(
+    Option(
         min=0,
         callback=number,
         help="work of the solver, about seconds of one core; the same work gives the same answer",
     ),
 ]
 Race = Annotated[
-    int, typer.Option(min=1, help="parallel workers: an answer comes sooner, but not always the same one")
+    int, Option(min=1, help="parallel workers: an answer comes sooner, but not always the same one")
 ]
-Instance = Annotated[str, typer.Option(help="the instance in a file of several job shops")]
+Instance = Annotated[str, Option(help="the instance in a file of several job shops")]
 
 
 def schedule(
     target: Annotated[
-        str, typer.Argument(help="a problem, a plan in JSON, a folder of S-LAB tables, or a job-shop file")
+        str, Argument(help="a problem, a plan in JSON, a folder of S-LAB tables, or a job-shop file")
     ],
     goals: Goals = "",
     command: Command = "",
     instance: Instance = "",
     format: Annotated[
         ScheduleForm | None,
-        typer.Option(
+        Option(
             "--format", help="how the schedule is written: text, unless the name of the output ends otherwise"
         ),
     ] = None,

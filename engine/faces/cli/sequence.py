@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows
@@ -38,44 +37,38 @@ class TravelCost(StrEnum):
 NEWS = ("--done", "--lost", "--bad", "--restored")
 WISHES = ("--window", "--lasts", "--before")
 TourOf = Annotated[
-    str, typer.Argument(metavar="TARGET", help="a TSPLIB file, or a problem with points to be measured")
+    str, Argument(metavar="TARGET", help="a TSPLIB file, or a problem with points to be measured")
 ]
-Method = Annotated[str, typer.Option("--method", help="auto, chain1987 or exact")]
-Closed = Annotated[bool, typer.Option("--closed", help="return to the first visit, as in TSPLIB files")]
-Open = Annotated[bool, typer.Option("--open", help="end at the last visit, as measurements do")]
-Start = Annotated[str, typer.Option("--start", help="the visit to begin with")]
-End = Annotated[str, typer.Option("--end", help="the visit to end with")]
+Method = Annotated[str, Option("--method", help="auto, chain1987 or exact")]
+Closed = Annotated[bool, Option("--closed", help="return to the first visit, as in TSPLIB files")]
+Open = Annotated[bool, Option("--open", help="end at the last visit, as measurements do")]
+Start = Annotated[str, Option("--start", help="the visit to begin with")]
+End = Annotated[str, Option("--end", help="the visit to end with")]
 Cost = Annotated[
     TravelCost,
-    typer.Option(
+    Option(
         "--cost",
         help="cost between measurements: straight lines, joints (the time that the arm needs), or motion (of free paths)",
     ),
 ]
 Work = Annotated[
-    int, typer.Option("--work", min=0, help="work of the search; 0 means that it fits the number of visits")
+    int, Option("--work", min=0, help="work of the search; 0 means that it fits the number of visits")
 ]
-Store = Annotated[
-    str, typer.Option("--store", help="keep the sequence of a problem in this file or database")
-]
-Next = Annotated[bool, typer.Option("--next", help="print only the next visit of the kept sequence")]
-Done = Annotated[list[str] | None, typer.Option("--done", help="visits that are done, separated by commas")]
-Lost = Annotated[list[str] | None, typer.Option("--lost", help="tools and resources that are lost")]
+Store = Annotated[str, Option("--store", help="keep the sequence of a problem in this file or database")]
+Next = Annotated[bool, Option("--next", help="print only the next visit of the kept sequence")]
+Done = Annotated[list[str] | None, Option("--done", help="visits that are done, separated by commas")]
+Lost = Annotated[list[str] | None, Option("--lost", help="tools and resources that are lost")]
 Bad = Annotated[
     list[str] | None,
-    typer.Option(
-        "--bad", help="visits to leave out because they were found bad: 'm3, m4=the surface is dirty'"
-    ),
+    Option("--bad", help="visits to leave out because they were found bad: 'm3, m4=the surface is dirty'"),
 ]
 Restored = Annotated[
-    list[str] | None, typer.Option("--restored", help="visits, tools and resources that can be used again")
+    list[str] | None, Option("--restored", help="visits, tools and resources that can be used again")
 ]
-Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
+Anew = Annotated[bool, Option("--anew", help="forget the kept sequence")]
 Shown = Annotated[
     TourForm | None,
-    typer.Option(
-        "--format", help="how the tour is written: text, unless the name of the output ends otherwise"
-    ),
+    Option("--format", help="how the tour is written: text, unless the name of the output ends otherwise"),
 ]
 
 
@@ -138,7 +131,7 @@ def _refuse_misfits(
 def _returns(closed: bool, open_: bool) -> bool | None:
     """Whether the tour returns to its first visit; None if the options leave that to TARGET."""
     if closed and open_:
-        raise typer.BadParameter("a tour is either closed or open")
+        raise misfit("a tour is either closed or open")
     return closed if closed or open_ else None
 
 

@@ -4,9 +4,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.idle import refuse_idle
 
 if TYPE_CHECKING:
@@ -24,24 +23,22 @@ class NetForm(StrEnum):
 
 
 Domain = Annotated[
-    str, typer.Argument(metavar="DOMAIN", help="a domain with a contacts.yaml, or one of its problems")
+    str, Argument(metavar="DOMAIN", help="a domain with a contacts.yaml, or one of its problems")
 ]
 Full = Annotated[
-    bool, typer.Option("--full", help="tell all objects and anchor points apart, not only their classes")
+    bool, Option("--full", help="tell all objects and anchor points apart, not only their classes")
 ]
 Reduced = Annotated[
     list[str] | None,
-    typer.Option("--reduced", metavar="PART", help="only these objects or classes, one or several"),
+    Option("--reduced", metavar="PART", help="only these objects or classes, one or several"),
 ]
-More = Annotated[
-    list[str] | None, typer.Argument(metavar="[PART]...", help="more parts, after --reduced PART")
-]
+More = Annotated[list[str] | None, Argument(metavar="[PART]...", help="more parts, after --reduced PART")]
 Templates = Annotated[
-    bool, typer.Option("--contacts", help="print each place with its contacts in the normal form")
+    bool, Option("--contacts", help="print each place with its contacts in the normal form")
 ]
 Output = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--output",
         "-o",
         metavar="FOLDER",
@@ -51,12 +48,12 @@ Output = Annotated[
 _WITH_OUTPUT = "with --output, which writes the planning domain of the whole cell"
 Goals = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--goal", metavar="CONTACT", help="find the shortest sequence of operators to this contact; repeat it"
     ),
 ]
 Brings = Annotated[
-    str, typer.Option("--brings", metavar="PART", help="say what an object, or a class, brings to the net")
+    str, Option("--brings", metavar="PART", help="say what an object, or a class, brings to the net")
 ]
 
 
@@ -69,12 +66,12 @@ def states(
     brings: Brings = "",
     goal: Goals = None,
     output: Output = None,
-    format: Annotated[NetForm, typer.Option("--format", help="how the net is written")] = NetForm.TEXT,
+    format: Annotated[NetForm, Option("--format", help="how the net is written")] = NetForm.TEXT,
 ) -> None:
     """Generate the contact states of DOMAIN from its contact model, and the net of the steps between them."""
     form = Form.JSON if format is NetForm.JSON else Form.TEXT
     if more and not reduced:
-        raise typer.BadParameter(f"'{more[0]}' is one argument too many; parts of a cell follow --reduced")
+        raise misfit(f"'{more[0]}' is one argument too many; parts of a cell follow --reduced")
     reduced = [*(reduced or ()), *(more or ())]
     if output is not None:
         refuse_idle(

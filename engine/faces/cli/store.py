@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.options import Format, Library
 
@@ -30,7 +31,7 @@ def check(store: Library, format: Format = Form.TEXT) -> None:
 
 @app.command()
 def backup(
-    file: Annotated[Path, typer.Argument(help="the file to write: a library in SQLite")],
+    file: Annotated[Path, Argument(help="the file to write: a library in SQLite")],
     store: Library,
     format: Format = Form.TEXT,
 ) -> None:
@@ -40,10 +41,10 @@ def backup(
 
 @app.command()
 def restore(
-    file: Annotated[Path, typer.Argument(help="a file that `store backup` wrote")],
+    file: Annotated[Path, Argument(help="a file that `store backup` wrote")],
     store: Library,
     replace: Annotated[
-        bool, typer.Option("--replace", help="throw away what the library holds, if it holds anything")
+        bool, Option("--replace", help="throw away what the library holds, if it holds anything")
     ] = False,
     format: Format = Form.TEXT,
 ) -> None:
@@ -54,7 +55,7 @@ def restore(
 @app.command()
 def migrate(
     source: Annotated[
-        str, typer.Argument(metavar="SOURCE", help="the library to copy: a file, or a URL as for --store")
+        str, Argument(metavar="SOURCE", help="the library to copy: a file, or a URL as for --store")
     ],
     store: Library,
     format: Format = Form.TEXT,

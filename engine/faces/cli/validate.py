@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.idle import refuse_idle
 from engine.faces.cli.options import Command, Format, Goals, Ground, Pddl
@@ -17,15 +16,13 @@ if TYPE_CHECKING:
 
 
 def validate(
-    file: Annotated[Path, typer.Argument(help="a plan in JSON; with --pddl the PDDL domain")],
-    task: Annotated[Path | None, typer.Argument(help="with --pddl: the PDDL problem")] = None,
-    made: Annotated[Path | None, typer.Argument(help="with --pddl: the plan, one action per line")] = None,
+    file: Annotated[Path, Argument(help="a plan in JSON; with --pddl the PDDL domain")],
+    task: Annotated[Path | None, Argument(help="with --pddl: the PDDL problem")] = None,
+    made: Annotated[Path | None, Argument(help="with --pddl: the plan, one action per line")] = None,
     pddl: Pddl = False,
-    problem: Annotated[
-        str, typer.Option(help="check it against this problem instead of the one it carries")
-    ] = "",
+    problem: Annotated[str, Option(help="check it against this problem instead of the one it carries")] = "",
     export: Annotated[
-        str, typer.Option(help="FILE is a plan that a PDDL planner found for the export of this target")
+        str, Option(help="FILE is a plan that a PDDL planner found for the export of this target")
     ] = "",
     goals: Goals = "",
     command: Command = "",
@@ -35,7 +32,7 @@ def validate(
     """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
     if (pddl, pddl) != (task is not None, made is not None):
         alone = "give the plan's file alone, which carries its problem (--problem names another); "
-        raise typer.BadParameter(f"{'' if pddl else alone}--pddl takes a domain, a problem and a plan")
+        raise misfit(f"{'' if pddl else alone}--pddl takes a domain, a problem and a plan")
     if not export:
         own = {"--goals": goals, "--command": command, "--ground": ground}
         refuse_idle(own, "without --export: a plan contains its problem")
