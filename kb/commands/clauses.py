@@ -78,29 +78,39 @@ class _Reading:
 
 def read_clauses(book: Book, text: str) -> list[Clause]:
     """The clauses of a sentence, in the order said. Raises `NotUnderstood`."""
-    first = Search(book, text, False)
-    if (found := first.run()) is not None:
-        return found
-    second = Search(book, text, True)
-    if (found := second.run()) is not None:
-        return found
-    last = max((first.said, second.said), key=Said.furthest)
+    searches: list[Search] = []
+    for apart in (False, True) if _has_joined(text) else (False,):
+        for short in (False, True):
+            searches.append(Search(book, text, short, apart))
+            if (found := searches[-1].run()) is not None:
+                return found
+    last = max((each.said for each in searches), key=lambda said: said.offset(said.furthest()))
     expected = last.expected.get(last.furthest(), set())
     raise NotUnderstood(last.pieces, last.furthest(), frozenset(expected))
 
 
+def _has_joined(text: str) -> bool:
+    """Whether a sentence has words that can be taken apart, so that it may be understood where it is not as it stands."""
+    said = Said(text)
+    return said.pieces != Said(text, apart=True).pieces
+
+
 @dataclass(slots=True)
 class Search:
-    """One search for the best reading. With `short`, a clause may leave out words that the clause before it has."""
+    """One search for the best reading. With `short`, a clause may leave out words that the clause before it has.
+
+    With `apart`, joined words such as "heater-shaker" are read as several.
+    """
 
     book: Book
     text: str
     short: bool
+    apart: bool = False
     said: Said = field(init=False)
     matcher: Matcher = field(init=False)
 
     def __post_init__(self) -> None:
-        self.said = Said(self.text)
+        self.said = Said(self.text, self.apart)
         self.matcher = Matcher(self.book, self.said, self.short)
 
     def run(self) -> list[Clause] | None:

@@ -6,12 +6,14 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from kb.commands.spelling import parts
+
 ARTICLES = frozenset({"the", "a", "an", "please"})  # these words are ignored in phrases and in sentences
 
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """One word, in lower case."""
+    """One word, in lower case; a joined one, "heater-shaker", stands as several."""
 
     text: str
 
@@ -121,10 +123,10 @@ class _PatternReader:
         return options[0] if len(options) == 1 else Choice(tuple(options))
 
     def _sequence(self) -> Pattern:
-        parts: list[Pattern] = []
+        found: list[Pattern] = []
         while self.next < len(self.tokens) and self._mark() not in (")", "]", "|"):
-            parts.extend(self._part())
-        return Sequence(tuple(parts))
+            found.extend(self._part())
+        return Sequence(tuple(found))
 
     def _part(self) -> Iterator[Pattern]:
         found, offset, opening = self.tokens[self.next], self._offset(), self._mark()
@@ -132,8 +134,8 @@ class _PatternReader:
         if found["slot"]:
             yield Slot(found["variable"], found["type"], offset)
         elif found["word"]:
-            if found["word"].lower() not in ARTICLES:
-                yield Word(found["word"].lower())
+            words = parts(found["word"].lower())
+            yield from (Word(each) for each in words if each not in ARTICLES)
         else:
             inner = self._options()
             if self._mark() != _CLOSES[opening]:
@@ -152,9 +154,9 @@ def expansions(pattern: Pattern) -> list[tuple[Word | Slot, ...]]:
             return [(pattern,)]
         case Choice(options):
             found = [each for option in options for each in expansions(option)]
-        case Sequence(parts):
+        case Sequence(inner):
             found = [()]
-            for part in parts:
+            for part in inner:
                 following = expansions(part)
                 if len(found) * len(following) > MAX_EXPANSIONS:
                     raise PatternError(

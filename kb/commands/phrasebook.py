@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from kb.commands.patterns import Pattern, Slot, Variant, Word, expansions, variants
+from kb.commands.spelling import parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +51,9 @@ def tree(patterns: tuple[Pattern, ...], moved: bool) -> Node:
         if form.moved != moved:
             continue
         node = root
-        for part in form.parts:
-            node = node.after(part)
-        if not any(each.phrase == form.phrase and each.parts == form.parts for each in node.ends):
+        for each in form.parts:
+            node = node.after(each)
+        if not any(end.phrase == form.phrase and end.parts == form.parts for end in node.ends):
             node.ends.append(form)
     return root
 
@@ -61,8 +62,8 @@ def forms(patterns: Sequence[Pattern]) -> Iterator[Form]:
     """Every way of saying every pattern, in the order of the patterns."""
     for number, pattern in enumerate(patterns):
         for expansion in expansions(pattern):
-            for parts, moved in variants(expansion):
-                yield Form(number, parts, moved)
+            for variant, moved in variants(expansion):
+                yield Form(number, variant, moved)
 
 
 def gerunds(verb: str) -> tuple[str, ...]:
@@ -91,8 +92,9 @@ def participles(verb: str) -> tuple[str, ...]:
 
 
 def spoken(say: str) -> tuple[str, ...]:
-    """The words of a noun, in small letters."""
-    return tuple(say.lower().replace("’", "'").split())
+    """The words of a noun, in small letters, joined ones taken apart."""
+    words = say.lower().replace("’", "'").split()
+    return tuple(part for word in words for part in parts(word))
 
 
 def plurals(noun: str) -> tuple[str, ...]:

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from kb.commands.patterns import ARTICLES
-from kb.commands.tokens import NUMBER, Piece, pieces, time_at
+from kb.commands.spelling import COUNTS
+from kb.commands.tokens import NUMBER, Piece, pieces, separated, time_at
 
 A_NUMBER, A_TIME, A_NAME = "NUMBER", "TIME", "NAME"  # what a place may expect beside words
 
@@ -12,12 +13,13 @@ A_NUMBER, A_TIME, A_NAME = "NUMBER", "TIME", "NAME"  # what a place may expect b
 class Said:
     """The pieces of a sentence. Methods return the place after what they look for, or None, and note what they looked for.
 
-    Articles may stand before anything.
+    Articles may stand before anything. With `apart`, joined words such as "heater-shaker" count as several.
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, apart: bool = False) -> None:
         self.text = text
-        self.pieces = tuple(pieces(text))
+        found = tuple(pieces(text))
+        self.pieces = tuple(separated(found)) if apart else found
         self.expected: dict[int, set[str]] = {}
 
     def note(self, place: int, what: str) -> None:
@@ -45,7 +47,7 @@ class Said:
         if place < len(self.pieces) and self.pieces[place].lower == word:
             return place + 1  # also an article, such as the A of "box A"
         found = self.at(place)
-        if found is not None and found.lower == word:
+        if found is not None and (found.lower == word or _counts(found, word)):
             return self.start(place) + 1
         self.note(place, word)
         return None
@@ -56,7 +58,7 @@ class Said:
         for number, word in enumerate(words):
             found = self.at(end)
             exact = self.pieces[end].lower == word if end < len(self.pieces) else False
-            if number and not exact and (found is None or found.lower != word):
+            if number and not exact and (found is None or (found.lower != word and not _counts(found, word))):
                 return None
             after = self.word(end, word)
             if after is None:
@@ -89,6 +91,15 @@ class Said:
         self.note(place, A_TIME)
         return None
 
+    def offset(self, place: int) -> int:
+        """The character at which a place begins; the end of the text behind the last piece."""
+        return self.pieces[place].offset if place < len(self.pieces) else len(self.text)
+
     def furthest(self) -> int:
         """The last place at which something else would have been understood."""
         return max(self.expected, default=0)
+
+
+def _counts(piece: Piece, word: str) -> bool:
+    """Whether a number is what a word says: the 2 of "oven 2", where a phrase has "oven two"."""
+    return piece.kind == NUMBER and COUNTS.get(word) == piece.value

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
 from kb.commands.rows import Rows
+from kb.commands.spelling import with_article
 from kb.commands.tokens import Piece
 from kb.commands.vocabulary import Vocabulary
 from kb.commands.words import Mention, Unclear, Words
@@ -20,11 +21,13 @@ class References:
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary, self.domain, self.objects = vocabulary, vocabulary.domain, vocabulary.objects
         self.named: list[tuple[str, ...]] = []
+        self.nouns: dict[str, str] = {}  # what the sentence calls an object of a type
         self.each: set[tuple[str, ...]] = set()  # named by "each" or "every", so that "it" means each of them
         self.ranked: set[tuple[str, ...]] = set()  # named as the first ones, the last ones, ...
 
     def resolve(self, words: Words, type_: str) -> tuple[Function, ...]:
         """The objects meant, each once, in the order in which they are said. Raises `Unclear`."""
+        self.nouns |= self.vocabulary.said_nouns(words)
         found = self._left(words, type_, self._meant(words, type_))
         unique = tuple(dict.fromkeys(found))
         for name in unique:
@@ -48,7 +51,7 @@ class References:
             message = f"{strange[0]} is not among those from which it is left out"
             raise Unclear(words.but[0].pieces[0].offset, message, f"these are: {', '.join(found)}")
         if not (left := [name for name in found if name not in gone]):
-            raise Unclear(words.pieces[0].offset, f"there is no other {_plain(words.owner or type_)}")
+            raise Unclear(words.pieces[0].offset, f"there is no other {self._noun(words.owner or type_)}")
         return left
 
     def _meant(self, words: Words, type_: str) -> Sequence[str]:
@@ -80,7 +83,7 @@ class References:
         for counted in words.mentions:
             self._check_count(counted, found, words.owner)
         if not found:
-            raise Unclear(offset, f"there is no {_plain(words.owner)}")
+            raise Unclear(offset, f"there is no {self._noun(words.owner)}")
         named = {name for names in self.named for name in names if self._is(name, words.owner)}
         if words.how == "bare" and named and named != set(found):
             message = (
@@ -115,12 +118,12 @@ class References:
                 self._check_count(counted, found, words.owner)
         if not named:
             message = (
-                f"'{said}' means those that were not named, but no {_plain(words.owner)} was named before"
+                f"'{said}' means those that were not named, but no {self._noun(words.owner)} was named before"
             )
             raise Unclear(offset, message, self._range(words.owner))
         if not found:
             raise Unclear(
-                offset, f"'{said}': there is no other {_plain(words.owner)}", self._range(words.owner)
+                offset, f"'{said}': there is no other {self._noun(words.owner)}", self._range(words.owner)
             )
         return found
 
@@ -231,7 +234,7 @@ class References:
         found = [name for name in self._of(type_) if _number(name) == end.value]
         if len(found) != 1:
             several = f"{' and '.join(found)} both have the number {end.text}"
-            message = several if found else f"there is no {_plain(type_)} {end.text}"
+            message = several if found else f"there is no {self._noun(type_)} {end.text}"
             raise Unclear(end.offset, message, self._range(type_))
         return found[0]
 
@@ -282,12 +285,11 @@ class References:
         return f"there {'is' if len(names) == 1 else 'are'} {shown}"
 
     def _article(self, type_: str) -> str:
-        vowel = type_[0] in "aeiou" and not re.match(r"u[sn]i|u[st][ei]|eu|one", type_)
-        return f"{'an' if vowel else 'a'} {_plain(type_)}"
+        return with_article(self._noun(type_))
 
-
-def _plain(type_: str) -> str:
-    return type_.replace("_", " ")
+    def _noun(self, type_: str) -> str:
+        """What the sentence calls an object of a type; or else what the domain does."""
+        return self.nouns.get(type_) or self.vocabulary.usual_noun(type_)
 
 
 def _number(name: str) -> int | None:

@@ -2,25 +2,16 @@
 
 import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 from kb.commands.patterns import ARTICLES
+from kb.commands.spelling import COUNTS, parts
 from kb.syntax import unit_seconds
 
 NUMBER, WORD, MARK, OTHER = "number", "word", "mark", "other"
 DASHES = ("-", "–", "..", "...")
-
-_ONES = (
-    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen "
-    "seventeen eighteen nineteen"
-)
-_DECADES = "twenty thirty forty fifty sixty seventy eighty ninety"
-_SMALL, _TENS = _ONES.split(), _DECADES.split()
-COUNTS = {word: value for value, word in enumerate(_SMALL)}
-COUNTS |= {word: 10 * value for value, word in enumerate(_TENS, 2)}
-COUNTS |= {f"{ten}-{one}": COUNTS[ten] + COUNTS[one] for ten in _TENS for one in _SMALL[1:10]}
 
 _UNIT = r"(?:ms|milliseconds?|h|hrs?|hours?|mins?|minutes?|secs?|seconds?|s|days?)(?!\w)"
 _COUNT = "|".join(sorted(COUNTS, key=len, reverse=True))
@@ -53,6 +44,26 @@ class Piece:
     def lower(self) -> str:
         """The text in small letters, with straight apostrophes."""
         return self.text.lower().replace("’", "'")
+
+
+def separated(said: Sequence[Piece]) -> Iterator[Piece]:
+    """The pieces with joined words taken apart: "heater-shaker" as "heater", "shaker", and "oven-2" as "oven", "2"."""
+    for number, piece in enumerate(said):
+        if piece.text == "-" and _joins(said[max(number - 1, 0) : number + 2]):
+            continue
+        offset = piece.offset
+        for word in parts(piece.text, numbered=True) if piece.kind == WORD else ():
+            yield _piece(word, offset)
+            offset += len(word) + 1
+        if piece.kind != WORD:
+            yield piece
+
+
+def _joins(around: Sequence[Piece]) -> bool:
+    """Whether a hyphen stands between a word and a number without blanks."""
+    kinds = [piece.kind for piece in around]
+    ends = [piece.offset + len(piece.text) for piece in around]
+    return kinds == [WORD, MARK, NUMBER] and [piece.offset for piece in around[1:]] == ends[:2]
 
 
 def pieces(sentence: str) -> Iterator[Piece]:

@@ -1,13 +1,14 @@
 """The nouns of a domain: how people call the objects of each type, and single objects."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
 from kb.commands.patterns import ARTICLES, Variant, Word
 from kb.commands.phrasebook import plurals, spoken
+from kb.commands.words import Words
 from kb.model.domain import BUILT_IN_TYPES, Domain
 
 Noun = tuple[str, ...]
@@ -90,6 +91,28 @@ class Vocabulary:
             self._numbers[type_] = frozenset(Fraction(end[0]) for end in ends if end)
         return value in self._numbers[type_]
 
+    def said_nouns(self, words: Words) -> dict[str, str]:
+        """What the content of a slot calls an object of a type, by its type."""
+        parts = ((words.owner, words.pieces), *((each.owner, each.pieces) for each in words.mentions))
+        found = ((owner, self._singular(owner, [piece.lower for piece in pieces])) for owner, pieces in parts)
+        return {owner: noun for owner, noun in found if noun}
+
+    def _singular(self, type_: str, said: Sequence[str]) -> str:
+        """The noun of a type that stands among these words, as one says it of one object; empty if none does."""
+        known = list(self._said(type_)) if type_ in self.domain.types else []
+        found = [noun for noun in known if _contains(said, noun)]
+        if not found:
+            return ""
+        longest = max(map(" ".join, found), key=len)
+        return min((noun for noun in map(" ".join, known) if longest in plurals(noun)), key=len)
+
+    def usual_noun(self, type_: str) -> str:
+        """What an object of a type is called where nobody has said it: the noun that all their names begin with, or the type."""
+        names = [name for name in self.objects if self.is_a(name, type_)]
+        stems = {tuple(re.sub(r"_?\d+$", "", name).lower().split("_")) for name in names}
+        common = stems & set(self._said(type_)) if len(stems) == 1 else ()
+        return " ".join(next(iter(common), (type_.replace("_", " "),)))
+
     def _said(self, type_: str) -> Iterator[Noun]:
         plain = type_.replace("_", " ")
         for said in self.domain.words.get(type_, plurals(plain)):
@@ -114,6 +137,11 @@ def _by_first(found: Iterable[tuple[Noun, str]]) -> Nouns:
         if noun and (noun, owner) not in nouns.setdefault(noun[0], []):
             nouns[noun[0]].append((noun, owner))
     return {first: tuple(each) for first, each in nouns.items()}
+
+
+def _contains(said: Sequence[str], noun: Noun) -> bool:
+    places = range(len(said) - len(noun) + 1)
+    return any(tuple(said[place : place + len(noun)]) == noun for place in places)
 
 
 def _bare(noun: Noun) -> Noun:
