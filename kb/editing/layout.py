@@ -22,6 +22,7 @@ from kb.loader.node import Node
 from kb.loader.tree import outlined, read_tree
 
 STEP = 2  # columns of a level
+BRACED = re.compile(r"\$\{(\w+)\}")
 FILLED_IN = re.compile(r"\$\{\w+\}|\$\w+")
 STAND_IN = "filled_in_"
 _EXPRESSIONS = (Role.ATOMS, Role.TERMS, Role.STEP, Role.SIGNATURE, Role.HEADER)
@@ -33,12 +34,17 @@ def formatted(path: str, text: str) -> str:
     if kind_of(path, text) == ASP:
         return _rules(path, text)
     file = File.of(path, text)
-    root, found = read_tree(file)
+    root, found = read_tree(File.of(path, _as_names(text)))
     if found:
         raise InvalidInput(found)
     shape = KINDS.get(kind_of(path, text), TEXT)
     made = _Layout(file, root, shape).written()
     return made if made == text or _same(root, made, shape) else text
+
+
+def _as_names(text: str) -> str:
+    """YAML in which `${name}` stands as a name of the same length: as it is, its brackets could be those of YAML."""
+    return BRACED.sub(r"$_\1_", text)
 
 
 def _rules(path: str, text: str) -> str:
@@ -71,7 +77,8 @@ def _same(root: Node, made: str, shape: Shape) -> bool:
     """Whether a text holds the tree, except that expressions have other spaces."""
     try:
         return all(
-            _alike(*each) for each in zip_longest(_scalars(root, shape), outlined(made), fillvalue=("", None))
+            _alike(*each)
+            for each in zip_longest(_scalars(root, shape), outlined(_as_names(made)), fillvalue=("", None))
         )
     except InvalidInput:
         return False

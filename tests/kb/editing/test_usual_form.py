@@ -176,6 +176,15 @@ def test_spaces_never_change_the_tokens_of_rules(text: str) -> None:
     assert spaced_rules(made) == made
 
 
+def test_a_device_may_be_filled_in_inside_brackets_of_yaml() -> None:
+    written = "device: x\nobjects: {unit:   ${prefix}arm}\noperators:\n   $go(P):  {adds: 'at(P,${prefix}b)', cost: ${time}}\n"
+    assert formatted("device.yaml", written) == (
+        "device: x\nobjects: {unit:   ${prefix}arm}\noperators:\n  $go(P):  {adds: 'at(P, ${prefix}b)', cost: ${time}}\n"
+    )
+    with pytest.raises(InvalidInput, match="K002"):
+        formatted("device.yaml", "device: x\nobjects: {unit: ${prefix}arm\n")
+
+
 def test_rules_of_a_device_keep_what_is_filled_in() -> None:
     text = (
         "usual_capacity($name,$capacity).\naccessible(D):-part_of(D,${prefix}clamp),D!=$name .  % as it is\n"
