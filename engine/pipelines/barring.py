@@ -1,15 +1,17 @@
 """Problems in which some steps are not taken: those that use what is lost, and those that are known to fail.
 
 What is lost may still be put away, so that others can go on: a step that uses it is taken if all that it ends are facts about
-what is lost, and if it makes something true that is not about it (a hand is empty again).
+what is lost, and if it makes something true that is not about it (a hand is empty again). Or if all that it does is to carry what is
+lost from one place to another: a gripper takes a broken plate off the shaker.
 """
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
-from engine.stages.macros.lifted.schema import NotGeneral, Schemas
+from engine.stages.macros.lifted.deduction import Following, NotGeneral
+from engine.stages.macros.lifted.schema import OperatorSchema, Schemas
 from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import And, Comparison, Condition, Or
+from kb.model.conditions import And, Comparison, Condition, Literal, Or
 from kb.model.domain import Operator
 from kb.model.problem import Problem
 from kb.terms import Function, Term, Variable
@@ -42,7 +44,7 @@ class _Losses:
     def stops(self, operator: Operator) -> bool:
         """Whether no step of an operator can be taken any more."""
         return any(
-            self.names(each) and not self._puts_away(operator, each)
+            self.names(each) and not self._may(operator, each, each)
             for each in operator.resources
             if not isinstance(each, Variable)
         )
@@ -60,24 +62,70 @@ class _Losses:
         return named or any(map(self.names, term.arguments))
 
     def _other(self, operator: Operator, resource: Term) -> Iterator[Comparison]:
-        if not isinstance(resource, Variable) or self._puts_away(operator, resource):
+        if not isinstance(resource, Variable):
             return
         type_ = next(each.type for each in operator.parameters if each.variable == resource)
         values = {atom.arguments[0] for atom in self.statics.named(type_)}
         for value in sorted(filter(self.names, values), key=str):
-            yield Comparison(resource, "!=", value)
+            if not self._may(operator, resource, value):
+                yield Comparison(resource, "!=", value)
 
-    def _puts_away(self, operator: Operator, resource: Term) -> bool:
+    def _may(self, operator: Operator, resource: Term, lost: Term) -> bool:
+        """Whether steps may still use what is lost as this resource."""
         try:
             schema = self.schemas.named(operator.name)
         except NotGeneral:
             return False
-        ends, makes = ([each.atom for each in found] for found in (schema.denies, schema.adds))
-        return (
-            bool(ends)
-            and all(_about(a, resource) for a in ends)
-            and not all(_about(a, resource) for a in makes)
+        if _puts_away(schema, resource):
+            return True
+        return len(operator.resources) > 1 and _carries(schema, resource, lost) and not self._acts(lost)
+
+    def _acts(self, value: Term) -> bool:
+        """Whether something does steps by itself, as an arm that moves: such a thing is not carried."""
+        return any(
+            self._can_be(each, each.resources[0], value)
+            for each in self.schemas.domain.operators
+            if len(each.resources) == 1
         )
+
+    def _can_be(self, operator: Operator, resource: Term, value: Term) -> bool:
+        types = [each.type for each in operator.parameters if each.variable == resource]
+        known = (atom.arguments[0] for type_ in types for atom in self.statics.named(type_))
+        return resource == value or value in known
+
+
+def _puts_away(schema: OperatorSchema, resource: Term) -> bool:
+    ends, makes = ([each.atom for each in found] for found in (schema.denies, schema.adds))
+    return (
+        bool(ends) and all(_about(a, resource) for a in ends) and not all(_about(a, resource) for a in makes)
+    )
+
+
+def _carries(schema: OperatorSchema, resource: Term, lost: Term) -> bool:
+    """Whether all that a step changes is where a thing is, and whether the places and hands that it leaves or comes to are free."""
+    ends = [each.atom for each in schema.denies if _can_follow(each, resource, lost)]
+    makes = [each.atom for each in schema.adds if _can_follow(each, resource, lost)]
+    left = {each.name for each in ends if _about(each, resource)}
+    come_to = {each.name for each in makes if _about(each, resource)}
+    held = (part.atom for body in schema.alternatives for part in body if isinstance(part, Literal))
+    about = [each for each in (*ends, *makes, *held) if _about(each, resource)]
+    places = {argument for each in about for argument in each.arguments}
+    others = [each for each in (*ends, *makes) if not _about(each, resource)]
+    events = schema.events or schema.batches
+    return (
+        bool(come_to)
+        and come_to <= left
+        and not events
+        and all(a.arguments and places.issuperset(a.arguments) for a in others)
+    )
+
+
+def _can_follow(effect: Following, resource: Term, lost: Term) -> bool:
+    """Whether an effect can come about for this thing: what is said of the lid alone does not for a probe."""
+    equal = (part for part in effect.guard if isinstance(part, Comparison) and part.relation == "=")
+    sides = ((part.left, part.right) for part in equal)
+    named = (other for one, two in sides for this, other in ((one, two), (two, one)) if this == resource)
+    return all(isinstance(each, Variable) or each == lost for each in named)
 
 
 def _about(term: Term, resource: Term) -> bool:
