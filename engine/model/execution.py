@@ -258,7 +258,7 @@ class Finish:
     """How a run ended: `reached`, `partly`, `stopped`, `aborted` or `paused`, and why. Stopped and paused runs can be resumed.
 
     `goals` are reached, `open_goals` are not; `given_up` says which of them were given up, and why. Times are of the run's
-    clock; `forecast_ms` is what the first plan was to take. `story` says of each exception what was found and done, and what was measured again.
+    clock; `forecast_ms` is what the first plan was to take. `story` says of each exception what was found and done, what was measured again, and what stayed too long in a place.
     """
 
     run: str

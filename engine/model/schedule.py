@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from engine.model.outcome import GaveUp, Infeasible, Statistics
 from engine.model.shop import Changeover, Hold, Shop
+from engine.model.stays import Overstay
 from kb.model.plan import Plan, StepId
 
 
@@ -62,7 +63,7 @@ class Timetable:
 
     `shop` has a stage for each block of steps that serves an object, or for each step. `scope` says among what the
     makespan is the least, if that is proved. `note` says why steps are not scheduled as blocks, if they are not;
-    `unwatched` that nobody watches longest stays. `missed` are the measurements that begin outside their windows, each with
+    `overstays` are things that stay too long in a place. `missed` are the measurements that begin outside their windows, each with
     when it begins after the start of the tour.
     """
 
@@ -72,6 +73,6 @@ class Timetable:
     schedule: Schedule
     scope: str
     note: str = ""
-    unwatched: bool = False
+    overstays: tuple[Overstay, ...] = ()
     missed: Mapping[str, int] = field(default_factory=dict)
     statistics: Statistics = field(default_factory=Statistics)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from engine.model.measurements import measurements_of, named
+from engine.model.stays import Overstay, lines
 from kb.model.conditions import Literal
 from kb.model.plan import GOAL, START, Plan, StepId
 from kb.model.problem import Problem
@@ -20,19 +21,23 @@ LISTED = 12  # measurements, or pairs of them, that are named
 
 @dataclass(frozen=True, slots=True)
 class Unmet:
-    """What is asked of the times of measurements, and a plan does not keep.
+    """What is asked of the times of measurements and of stays, and a plan does not keep.
 
     `missed` are the measurements that begin outside their windows, each with when it begins after the start of the tour.
-    `turned` are pairs whose second measurement begins before the first.
+    `turned` are pairs whose second measurement begins before the first. `overstays` are things that stay too long in a place.
     """
 
     missed: Mapping[str, int] = field(default_factory=dict)
     turned: tuple[Pair, ...] = ()
+    overstays: tuple[Overstay, ...] = ()
 
     def entry(self) -> dict[str, Any]:
         """What is not kept, for JSON; empty if everything is."""
         missed = {"missed_windows": dict(self.missed)} if self.missed else {}
-        return missed | ({"broken_orders": [list(each) for each in self.turned]} if self.turned else {})
+        stays = {"overstays": [each.entry() for each in self.overstays]} if self.overstays else {}
+        return (
+            missed | ({"broken_orders": [list(each) for each in self.turned]} if self.turned else {}) | stays
+        )
 
     def lines(self, unit: str) -> Iterator[str]:
         """What is not kept, in words, for a domain with this unit of time."""
@@ -41,6 +46,7 @@ class Unmet:
         if self.turned:
             names = [f"{first} is not before {second}" for first, second in self.turned[:LISTED]]
             yield f"Not in the order that is asked for: {', '.join(names)}{_more(len(self.turned))}."
+        yield from lines(self.overstays, unit)
 
 
 def windows_of(facts: Iterable[Sequence[Term]]) -> dict[str, Window]:

@@ -41,11 +41,11 @@ def fastest(
     if len(outcome.plan.steps) > LONG:
         return _judged(keeping(problem, outcome.plan), bound), None
     own = own_order(problem, task, outcome.plan)
-    if own.schedule.makespan <= bound and not own.unwatched:
+    if own.schedule.makespan <= bound and not own.overstays:
         named = _named(problem, task, own.plan)
         other = own if named == own.plan else own_order(problem, task, named)
         return _judged(other if value_of(other) <= value_of(own) else own, bound), None
-    if limits.interrupted() and not own.unwatched:  # the solver alone takes longer to load than is left
+    if limits.interrupted() and not own.overstays:  # the solver alone takes longer to load than is left
         return _judged(own, bound), None
     plans = list(_plans(problem, task, outcome, limits))
     made = [timed(problem, task, each, work) for each in plans]

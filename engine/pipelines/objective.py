@@ -138,9 +138,7 @@ def fastest(
     from engine.stages.scheduling import ScheduleLimits
 
     planning = time.perf_counter() - started
-    best, refused = makespan.fastest(problem, task, outcome, limits, work or ScheduleLimits())
-    if best.unwatched and refused is not None:
-        return refused
+    best = _noted(*makespan.fastest(problem, task, outcome, limits, work or ScheduleLimits()))
     seconds = {"planning": planning, **best.statistics.seconds, "in all": time.perf_counter() - started}
     return replace(best, statistics=Statistics(best.statistics.counts, seconds))
 
@@ -169,9 +167,14 @@ def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objecti
     if objective is Objective.COST:
         plan = _tidy(problem, task, outcome.plan)
         return Run(replace(outcome, plan=plan), own_order(problem, task, plan))
-    best, _ = makespan.fastest(problem, task, outcome, limits)
+    best = _noted(*makespan.fastest(problem, task, outcome, limits))
     optimal = outcome.optimal and best.plan.cost == outcome.plan.cost
     return Run(replace(outcome, plan=best.plan, optimal=optimal), best)
+
+
+def _noted(best: "Timetable", refused: Infeasible | GaveUp | None) -> "Timetable":
+    """The timetable; where things stay too long in it, with the reason why a plan has no other one."""
+    return replace(best, note=refused.reason) if best.overstays and refused is not None else best
 
 
 def _tidy(problem: Problem, task: Task, plan: Plan) -> Plan:

@@ -1,18 +1,22 @@
 """Plans in files, and what the checker has against them. Nothing is planned here, so a check starts without any planner."""
 
 import re
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from engine.model.stays import Overstay
 from engine.model.windows import Unmet, missed, turned, visits_of, windows_of
 from engine.stages.validation import validate
 from engine.stages.validation.claims import makespan, times
+from engine.stages.validation.semantics import Semantics
 from kb.asp.statics import evaluated
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import File, is_there, read_file
-from kb.model.plan import Claims, Plan
+from kb.model.plan import Claims, Plan, StepId
 from kb.model.problem import Problem
 from kb.targets import CONTACTS_FILE, find
+from kb.terms import Number, Term
 
 OPERATORS = re.compile(r"^['\"]?(operators|use)['\"]?\s*:", re.MULTILINE)  # its own, or those of devices
 
@@ -33,17 +37,29 @@ def ending(made: Plan, claims: Claims | None = None) -> int:
 
 
 def unmet(problem: Problem, made: Plan, claims: Claims | None = None) -> Unmet:
-    """What static facts ask of the times of measurements, and a plan does not keep."""
+    """What static facts ask of the times of measurements and stays, and a plan does not keep."""
     words, declared = problem.domain.conventions, problem.domain.predicates
-    if words.window not in declared and words.before not in declared:
+    if not declared.keys() & {words.window, words.before, words.longest_stay}:
         return Unmet()
-    facts = evaluated(problem)
+    facts, starts = evaluated(problem), times(made, claims or Claims())
     windows = windows_of(facts.atoms(words.window, 3))
     pairs = [(str(first), str(second)) for first, second in facts.atoms(words.before, 2)]
+    longest = {
+        place: most.value for place, most in facts.atoms(words.longest_stay, 2) if isinstance(most, Number)
+    }
+    stays = _overstays(problem, made, starts, longest) if longest else ()
     if not windows and not pairs:
-        return Unmet()
-    visits, starts = visits_of(problem, made), times(made, claims or Claims())
-    return Unmet(missed(windows, visits, starts), turned(pairs, visits, starts))
+        return Unmet(overstays=stays)
+    visits = visits_of(problem, made)
+    return Unmet(missed(windows, visits, starts), turned(pairs, visits, starts), stays)
+
+
+def _overstays(
+    problem: Problem, made: Plan, starts: Mapping[StepId, int], longest: Mapping[Term, int]
+) -> tuple[Overstay, ...]:
+    from engine.pipelines.stays import overstays  # loads what schedules
+
+    return overstays(problem, made, starts, longest, Semantics(problem))
 
 
 def plan_in(file: Path) -> tuple[Problem, Plan]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
 
+from engine.model.stays import Stay
 from engine.stages.execution import Activity, Dwell, Program
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
@@ -41,19 +42,6 @@ class Compiled:
     def plan(self) -> Plan:
         """The plan behind the program."""
         return self.planned()
-
-
-@dataclass(frozen=True, slots=True)
-class Stay:
-    """What one step brings may stay for so many units of time until another takes it.
-
-    What is there when the plan begins has the source 0, and `since_ms` on the run's clock.
-    """
-
-    source: StepId
-    target: StepId
-    most: int
-    since_ms: int | None = None
 
 
 def unit_ms(domain: Domain) -> Fraction:

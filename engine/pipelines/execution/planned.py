@@ -1,23 +1,21 @@
 """The program of a run: planned, timed and compiled, from where the run stands."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from engine.model.outcome import Found, Outcome
 from engine.model.schedule import Timetable
 from engine.model.windows import begun, outside
-from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of, unit_ms
+from engine.pipelines.execution.compiling import Compiled, compiled, situation_of, unit_ms
 from engine.pipelines.gate import PlanGate
+from engine.pipelines.stays import stays_of
 from engine.pipelines.timetable import from_then_on, timed
 from engine.pipelines.timetable.kept import kept
 from engine.pipelines.timetable.wishes import wishes_for
 from engine.stages.grounding import ground
-from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.planning import Limits
 from engine.stages.scheduling import ScheduleLimits
-from engine.stages.scheduling.blocks import mentions
-from engine.stages.scheduling.work import Wishes
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom, Term
@@ -118,35 +116,8 @@ def ready(
     times = dict(starts) if starts is not None else earliest_starts(plan)
     begin = here or situation_of(problem)
     wishes = wishes_for(PlanGate().semantics(problem), plan)
-    stays = tuple(stays_of(plan, wishes, begin, since))
+    stays = tuple(stays_of(plan, wishes.longest_stay, begin, since))
     waits = bool(wishes.travel or wishes.longest_stay or wishes.release or wishes.windows)
     made = compiled(problem, plan, times, begin_ms, stays, waits, begin)
     last = max((times[step.id] + step.duration for step in plan.steps), default=0)
     return Ready(problem, plan, times, made, last)
-
-
-def stays_of(plan: Plan, wishes: Wishes, here: Situation, since: Since = NOTHING) -> Iterator[Stay]:
-    """Which step brings something to a place where it may not stay for long, and which one takes it away.
-
-    What is there already counts from when it came, as far as that is known.
-    """
-    if not wishes.longest_stay:
-        return
-    there = {atom: (StepId(0), most) for atom in since for most in _longest(atom, wishes)}
-    brought: dict[Atom, tuple[StepId, int]] = {
-        atom: each for atom, each in there.items() if atom in here.state
-    }
-    for step, change in zip(plan.steps, changes_of(here, plan.steps), strict=True):
-        for atom in change.ends:
-            if atom in brought:
-                source, most = brought.pop(atom)
-                yield Stay(source, step.id, most, None if int(source) else since[atom])
-        brought |= {atom: (step.id, most) for atom in change.adds for most in _longest(atom, wishes)}
-
-
-def _longest(atom: Atom, wishes: Wishes) -> Iterator[int]:
-    """How long a fact may last that says where something is, in a place where nothing may stay for long."""
-    for place, most in wishes.longest_stay.items():
-        inside = [mentions(each, place) for each in atom.arguments]
-        if any(inside) and not all(inside):
-            yield most

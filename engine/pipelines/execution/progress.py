@@ -114,6 +114,7 @@ class Progress:
     measuring: Measuring | None = None
     values: list[Measured] = field(default_factory=list)  # all that were measured in the run
     spoilt: list[Spoilt] = field(default_factory=list)  # those of them that do not count any more
+    told: list[str] = field(default_factory=list)  # what the end of the run tells
     part: tuple[float, ...] = ()  # where the part lies, if it was found out
     done: MutableSet[int] = field(default_factory=NumberSet)
     written: Written = field(default_factory=Written)
@@ -264,6 +265,9 @@ class Progress:
         """Tell that something stays too long, or will."""
         target = self.compiled.program.activities[threat.dwell.target]
         said = "it stays too long" if threat.over else "as things stand, it will stay too long"
+        late = f"by {round(threat.late_ms / 1000, 3):g} s at least"
+        if threat.over:
+            self.told.append(f"what {target.action} takes away stayed too long (longest_stay), {late}")
         self.recorder.note(
             RecordKind.EXCEPTION,
             exception="stays_too_long",
@@ -271,7 +275,7 @@ class Progress:
             step=threat.dwell.target,
             action=target.action,
             command=None,
-            reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
+            reply=f"{said}: {late}",
         )
 
 

@@ -114,7 +114,7 @@ class Execution:
     ) -> Finish:
         """Run to the end. If the journal cannot be written, everything halts: nothing is done that is not noted."""
         handler = handler or ExceptionHandler(course, scope, self.base, self.limits)
-        handler.story = self.story
+        handler.story = course.told = self.story
         course.checkpoint = Checkpoint(lambda: self._state(course, handler), lambda: rest_of(course))
         try:
             if approve and not approved(course):

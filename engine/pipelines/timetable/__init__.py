@@ -62,6 +62,8 @@ def timetable(
         return outcome
     before = time.perf_counter()
     made = timed(problem, task, outcome.plan, limits)
+    if isinstance(made, Infeasible):
+        made = replace(own_order(problem, task, _sound(PlanGate(), problem, outcome.plan)), note=made.reason)
     if not isinstance(made, Timetable):
         return made
     if plan is None:
@@ -100,7 +102,8 @@ def without_spares(
 def value_of(made: Timetable) -> tuple[int, ...]:
     """What timetables are compared by; one that keeps to all that is wished comes first, the best proved one last."""
     schedule = made.schedule
-    best = made.unwatched, schedule.tardiness, schedule.makespan
+    late = sum(each.lasts - each.most for each in made.overstays)
+    best = late, schedule.tardiness, schedule.makespan
     return *best, made.plan.cost, len(made.plan.steps), -schedule.lower_bound
 
 
@@ -199,9 +202,8 @@ def by_other_means(
 
 
 def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: int = 0) -> Timetable:
-    """The plan in its own order, with everything that is wished but longest stays, which nobody watches there."""
-    said = f"{note}; nobody watches longest stays" if wishes.longest_stay else note
-    return kept(problem, plan, wishes, said) if wishes.any else in_its_order(problem, plan, said, bound)
+    """The plan in its own order, with everything that is wished; some things may stay too long in a place then."""
+    return kept(problem, plan, wishes, note) if wishes.any else in_its_order(problem, plan, note, bound)
 
 
 def _sound(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from engine.model.forecast import makespan
-from engine.model.outcome import GaveUp, Infeasible
+from engine.model.outcome import Infeasible
 from engine.model.replay import instances, joined, reached_goals, replayed
 from engine.model.schedule import Scheduled, Timetable
 from engine.model.shop import Shop
@@ -30,7 +30,7 @@ def subjects_of(problem: Problem) -> tuple[Term, ...]:
     return tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
 
 
-def by_blocks(gate: PlanGate, steps: Steps, limits: ScheduleLimits) -> Timetable | Infeasible | GaveUp | str:
+def by_blocks(gate: PlanGate, steps: Steps, limits: ScheduleLimits) -> Timetable | str:
     """The schedule of the blocks of a plan, or why there is none; none is longer than the plan in its own order."""
     problem, wishes = steps.problem, steps.wishes
     if problem.domain.quantities:
@@ -42,7 +42,8 @@ def by_blocks(gate: PlanGate, steps: Steps, limits: ScheduleLimits) -> Timetable
             made = _as_plan(gate, steps, work, found)
             longer = not wishes.any and made.schedule.makespan > makespan(steps.plan)
             return "as blocks they take longer" if longer else made
-        return found if _dwells(work.shop) else found.reason
+        tight = isinstance(found, Infeasible) and _dwells(work.shop)
+        return "no order of the blocks keeps to all longest stays" if tight else found.reason
     except (Unstructured, Mislaid) as error:
         return str(error)
 

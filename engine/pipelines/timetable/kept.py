@@ -12,7 +12,8 @@ from engine.model.forecast import makespan
 from engine.model.schedule import Schedule, Timetable
 from engine.model.shop import Moment, Shop, Window
 from engine.model.windows import missed, opening, visits_of
-from engine.pipelines.gate import InternalError
+from engine.pipelines.gate import InternalError, PlanGate
+from engine.pipelines.stays import overstays
 from engine.pipelines.timetable.orders import by_step
 from engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
 from engine.stages.scheduling.checker import check_schedule
@@ -27,7 +28,7 @@ KEPT = "of all schedules that keep this order of the steps"
 
 
 def kept(problem: Problem, plan: Plan, wishes: Wishes, note: str = "") -> Timetable:
-    """The timetable of a plan that the checker accepts, in its own order. Nobody watches longest stays in it.
+    """The timetable of a plan that the checker accepts, in its own order, with what stays too long in a place then.
 
     The checker of schedules has replayed it.
     """
@@ -35,7 +36,8 @@ def kept(problem: Problem, plan: Plan, wishes: Wishes, note: str = "") -> Timeta
     start = 0 if wishes.under_way else None  # of the tour; None if it starts with the first measurement
     starts = _starts(plan, wishes, round_, opening(wishes.windows, visits), start)
     last, late = makespan(plan, starts), lateness(plan, wishes, starts)
-    made = Schedule({}, (), last, last, late, proved=not wishes.longest_stay)
+    too_long = overstays(problem, plan, starts, wishes.longest_stay, PlanGate().semantics(problem))
+    made = Schedule({}, (), last, last, late, proved=not too_long)
     timetable = by_step(problem, plan, starts, made, note, KEPT)
     waiting = timetable.shop if wishes.under_way else _waiting(timetable.shop, wishes.windows, visits, plan)
     shop = _travelling(waiting, round_)
@@ -43,7 +45,7 @@ def kept(problem: Problem, plan: Plan, wishes: Wishes, note: str = "") -> Timeta
     if wrong := check_schedule(shop, replayed):
         raise InternalError([Diagnostic(Source(problem.path), "K508", wrong[0])])
     outside = missed(wishes.windows, visits, starts, start)
-    return replace(timetable, shop=shop, unwatched=bool(wishes.longest_stay), missed=outside)
+    return replace(timetable, shop=shop, overstays=too_long, missed=outside)
 
 
 @dataclass(frozen=True, slots=True)
