@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from engine.model.geometry import Contact, Floats, Scene, Truths
 
@@ -240,4 +240,13 @@ class Driver(Protocol):
 
     def close(self) -> None:
         """Leave the cell as it is, and give back what the driver holds. A process of its own may live on."""
+        ...
+
+
+@runtime_checkable
+class ToldOfHands(Protocol):
+    """What a driver of a simulated cell has beside: nobody reaches into such a cell, so it is told what a person has changed."""
+
+    def by_hand(self, adds: Sequence[str], ends: Sequence[str], reached: Mapping[str, int]) -> None:
+        """Facts hold now, and others do not any more; so many stages of each chain are reached."""
         ...

@@ -23,6 +23,7 @@ from engine.pipelines.timetable import from_then_on
 from engine.pipelines.timetable.kept import lateness
 from engine.pipelines.timetable.wishes import wishes_for
 from engine.pipelines.troubleshooting.recovery import recover
+from engine.ports import ToldOfHands
 from engine.stages.macros.lifted.world import StepChange
 from engine.stages.planning import Limits
 from engine.stages.validation.changes import State
@@ -191,13 +192,11 @@ def _replanned(here: _Pause) -> tuple[Scope, Ready]:
 
 
 def _note(here: _Pause, why: str, adds: Sequence[object], ends: Sequence[object]) -> None:
-    here.course.recorder.note(
-        RecordKind.WORLD,
-        why=why,
-        adds=[str(each) for each in adds],
-        ends=[str(each) for each in ends],
-        reached=dict(here.course.world.reached),
-    )
+    """Note what a person has changed; a simulated cell is told, so that it is so there."""
+    new, old, reached = list(map(str, adds)), list(map(str, ends)), dict(here.course.world.reached)
+    here.course.recorder.note(RecordKind.WORLD, why=why, adds=new, ends=old, reached=reached)
+    if isinstance(here.course.driver, ToldOfHands):
+        here.course.driver.by_hand(new, old, reached)
 
 
 MOVES: Mapping[Order, Callable[[_Pause, str], tuple[Scope, Ready]]] = {

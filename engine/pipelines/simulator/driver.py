@@ -7,7 +7,7 @@ again on the virtual clock, which always ends in the same state.
 import heapq
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
 from engine.model.number_set import NumberSet
 from engine.pipelines.simulator.hidden import HiddenCell
-from engine.pipelines.simulator.log import Log, Sent
+from engine.pipelines.simulator.log import Hand, Log, Sent
 from engine.pipelines.simulator.physical import SimulatedCell
 from engine.pipelines.simulator.settings import Settings, drawn, settings_of
 from engine.ports import DriverSetup
@@ -65,6 +65,8 @@ class Simulator:
         self._until(past.at_ms)
         if past.halted:
             self._halt()
+        elif past.hand is not None:
+            self._handled(past.hand)
         else:
             self._take(past.commands)
 
@@ -88,6 +90,16 @@ class Simulator:
             self._log.sent(self._now, fresh)
             self._take(fresh)
 
+    def by_hand(self, adds: Sequence[str], ends: Sequence[str], reached: Mapping[str, int]) -> None:
+        """A person has changed something in the cell."""
+        hand = Hand(tuple(adds), tuple(ends), reached)
+        self._log.by_hand(self._now, hand)
+        self._handled(hand)
+
+    def _handled(self, hand: Hand) -> None:
+        if isinstance(self.cell, HiddenCell):
+            self.cell.by_hand(hand.adds, hand.ends, hand.reached)
+
     def _take(self, commands: Sequence[Command]) -> None:
         for command in commands:
             self._known.add(command.number)
@@ -101,7 +113,6 @@ class Simulator:
                 self._next(command.stream)
             else:
                 self._begin(command)
-
         if len(self._ended) > 2 * REMEMBERED:
             self._forget()
 

@@ -82,6 +82,13 @@ class HiddenCell:
         self.world = SymbolicWorld(self.problem.chains, set(state.facts), dict(state.reached))
         self.situation = Situation.of(self.domain, state.facts)
 
+    def by_hand(self, adds: Sequence[str], ends: Sequence[str], reached: Mapping[str, int]) -> None:
+        """A person has made facts true and others false, and brought chains so far."""
+        now = self.world.state
+        facts = now.facts.difference(map(instance, ends)).union(map(instance, adds))
+        chains = {name: reached.get(name, number) for name, number in now.reached.items()}
+        self._know(replace(now, facts=facts, reached=chains))
+
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
         """Carry out a step with the part believed to lie there: its reply; None if none ever comes."""
         step, self._told = instance(text), {}

@@ -1,7 +1,7 @@
 """What a simulated cell was told and what it did, one JSON object a line, so that it survives the process that it lives in."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -15,12 +15,22 @@ LOOKED = ("looks", "watches", "part")
 
 
 @dataclass(frozen=True, slots=True)
+class Hand:
+    """What a person has changed in the cell: facts that hold now, those that do not any more, and the stages reached then."""
+
+    adds: tuple[str, ...]
+    ends: tuple[str, ...]
+    reached: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True)
 class Sent:
-    """What came from the executive at a time: commands, or that everything halts."""
+    """What came from the executive at a time: commands, that everything halts, or what a person has done."""
 
     at_ms: int
     commands: tuple[Command, ...] = ()
     halted: bool = False
+    hand: Hand | None = None
 
 
 @dataclass
@@ -44,7 +54,7 @@ class Log:
                 except (KeyError, TypeError, ValueError, AttributeError) as error:
                     raise _refused(self.file, line, repr(error)) from None
                 latest = max(latest, sent.at_ms)
-                if sent.commands or sent.halted:
+                if sent.commands or sent.halted or sent.hand:
                     yield sent
             yield Sent(latest)
         self._repeats = False
@@ -62,6 +72,10 @@ class Log:
     def halted(self, at_ms: int) -> None:
         """Everything was halted."""
         self._write({"at_ms": at_ms, "halted": True})
+
+    def by_hand(self, at_ms: int, hand: Hand) -> None:
+        """A person has changed something."""
+        self._write({"at_ms": at_ms, "hand": [list(hand.adds), list(hand.ends), dict(hand.reached)]})
 
     def _write(self, entry: dict[str, Any]) -> None:
         if self._out is not None and not self._repeats:
@@ -96,7 +110,16 @@ def _sent(entry: dict[str, Any]) -> Sent:
     at_ms = entry["at_ms"]
     if not isinstance(at_ms, int):
         raise TypeError(f"at_ms is {at_ms!r}")
-    return Sent(at_ms, tuple(map(_command, entry.get("sent", ()))), "halted" in entry)
+    hand = _hand(*entry["hand"]) if "hand" in entry else None
+    return Sent(at_ms, tuple(map(_command, entry.get("sent", ()))), "halted" in entry, hand)
+
+
+def _hand(adds: list[str], ends: list[str], reached: dict[str, int]) -> Hand:
+    wrong: list[object] = [each for each in (*adds, *ends) if not isinstance(each, str)]
+    wrong += [each for each in reached.values() if not isinstance(each, int)]
+    if wrong:
+        raise TypeError(f"a fact is {wrong[0]!r}")
+    return Hand(tuple(adds), tuple(ends), reached)
 
 
 def _entry(command: Command) -> dict[str, Any]:

@@ -131,8 +131,21 @@ def test_a_step_done_by_hand_is_skipped_at_a_pause() -> None:
     )
     ending, records, _ = executed("themse/one", orders=orders)
     done = [each.content["action"] for each in of(records, RecordKind.DONE)]
-    assert "turn_bayonet(locked, unlocked)" not in done
-    assert ending.outcome in ("reached", "stopped")  # the simulated cell does not know what a hand has done
+    assert "turn_bayonet(locked, unlocked)" not in done[: done.index("pick(lid, rim)")]
+    assert ending.outcome == "reached"
+
+
+def test_a_simulated_cell_is_told_what_a_hand_has_done() -> None:
+    """What was skipped or corrected is so in the cell: later steps find it there, and the goals are reached in truth."""
+    pause, go_on = (10_000, Given(Order.INTERRUPT)), (30_001, Given(Order.CONTINUE))
+    skipped = (30_000, Given(Order.SKIP, "press_switch(open, closed)"))
+    ending, records, cell = executed("themse/one", orders=Timed([pause, skipped, go_on]))
+    done = [each.content["action"] for each in of(records, RecordKind.DONE)]
+    assert "press_switch(open, closed)" not in done
+    assert (ending.outcome, cell.world.reached) == ("reached", {"1:probe_1": 3})
+    corrected = (30_000, Given(Order.CORRECT, "position(flap, closed); -position(flap, open)"))
+    ending, _, cell = executed("themse/one", orders=Timed([pause, corrected, go_on]))
+    assert (ending.outcome, cell.world.reached) == ("reached", {"1:probe_1": 3})
 
 
 def test_durations_that_vary_do_not_keep_goals_from_being_reached() -> None:
