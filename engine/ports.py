@@ -244,9 +244,13 @@ class Driver(Protocol):
 
 
 @runtime_checkable
-class ToldOfHands(Protocol):
+class Simulated(Protocol):
     """What a driver of a simulated cell has beside: nobody reaches into such a cell, so it is told what a person has changed."""
 
     def by_hand(self, adds: Sequence[str], ends: Sequence[str], reached: Mapping[str, int]) -> None:
         """Facts hold now, and others do not any more; so many stages of each chain are reached."""
+        ...
+
+    def not_come(self) -> Sequence[str]:
+        """The faults that were ordered and have not come up, as they were written: too few such steps were begun."""
         ...

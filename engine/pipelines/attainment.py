@@ -1,6 +1,6 @@
 """What can still be reached when not all goals can: the goals that are kept, and those that are given up, each with the reason.
 
-Goals are conjuncts of the goal, and chains up to one of their stages. A chain that is cut keeps the stages before the first
+Goals are conjuncts of the goal, one for each object where it is about all, and chains up to one of their stages. A chain that is cut keeps the stages before the first
 one that cannot be reached; a chain that waits for another one no longer waits if that one is given up.
 """
 
@@ -11,6 +11,7 @@ from functools import cached_property
 from engine.model.outcome import Found, Infeasible, Outcome
 from engine.model.task import Task
 from engine.pipelines import planning
+from engine.pipelines.each import for_each
 from engine.stages.grounding import ground, ground_parts, separable
 from engine.stages.grounding.goals import Parted
 from engine.stages.planning import Limits
@@ -81,6 +82,7 @@ def attainable(
     outcome = outcome or planner(problem, limits)
     if not isinstance(outcome, Infeasible):
         return Attainable(problem, outcome)
+    problem = for_each(problem)
     search = _Search(problem, obstacles, limits)
     wanted = search.parts()
     alone = [search.alone(part) for part in wanted]

@@ -10,6 +10,7 @@ from rich.tree import Tree as RichTree
 from engine.formats.report.rows import TextTable
 from engine.model.cases import CaseStep, Diagnosis, Revision
 from engine.model.troubleshooting import Advice, Conclude, Tree, Troubleshooting
+from engine.model.wording import worded
 from kb.model.faults import FaultModel
 from kb.terms import Atom, Variable
 
@@ -107,7 +108,7 @@ def case(
     ]
     steps = TextTable(("", "test or repair", "outcome", "cost"), rows)
     prepared = [line for place, stage in enumerate(made.stages, 1) for line in _prepared(place, stage)]
-    parts: list[RenderableType] = [Text(f"{made.exception}: {model.exceptions[made.exception].say}")]
+    parts: list[RenderableType] = [Text(worded(made.exception, model.exceptions[made.exception].say))]
     parts += [steps] if made.stages else []
     parts += [Text(line) for line in prepared]
     parts += [Text(line) for line in (*_ending(model, made), *_changes(certain, change))]
@@ -125,10 +126,11 @@ def _prepared(place: int, stage: CaseStep) -> list[str]:
 def _ending(model: FaultModel, made: Diagnosis) -> list[str]:
     lines = []
     if made.cured:
-        says = f": {model.repairs[made.cured].say}" if made.cured in model.repairs else ""
-        lines.append(f"cured by {made.cured}{says}")
+        says = model.repairs[made.cured].say if made.cured in model.repairs else ""
+        lines.append(f"cured by {worded(made.cured, says)}")
     if made.isolated:
-        lines.append(f"cause: {made.hypotheses[0][0]} ({_says(model, made)})")
+        says = _says(model, made)
+        lines.append(f"cause: {made.hypotheses[0][0]}" + (f" ({says})" if says else ""))
     else:
         lines += [
             f"possible: {hypothesis} {chance:.3f}"
@@ -136,7 +138,7 @@ def _ending(model: FaultModel, made: Diagnosis) -> list[str]:
             if chance >= SMALL
         ]
     if made.repairs and not made.cured:
-        lines.append(f"repair: {made.repairs[0]}: {model.repairs[made.repairs[0]].say}")
+        lines.append(f"repair: {worded(made.repairs[0], model.repairs[made.repairs[0]].say)}")
     if not (made.cured or made.repairs or made.question):
         lines.append("stopped safely: the fault was not repaired")
     if made.question:
@@ -149,7 +151,10 @@ def _duration(model: FaultModel, made: Diagnosis) -> int:
 
 
 def _says(model: FaultModel, made: Diagnosis) -> str:
-    return "; ".join(model.causes[cause].say or cause for cause in made.hypotheses[0][0].causes)
+    """What the causes are, for people; empty if the fault base says it of none of them."""
+    causes = made.hypotheses[0][0].causes
+    said = any(model.causes[cause].say for cause in causes)
+    return "; ".join(model.causes[cause].say or cause for cause in causes) if said else ""
 
 
 def _changes(certain: Mapping[Atom, float], change: Revision) -> list[str]:

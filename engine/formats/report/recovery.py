@@ -10,7 +10,7 @@ from engine.formats.report import json, progress
 from engine.formats.report import text as outcomes
 from engine.model.cases import Prepared
 from engine.model.outcome import Outcome
-from engine.model.wording import counted
+from engine.model.wording import counted, worded
 from kb.model.plan import Step
 from kb.model.problem import Problem
 
@@ -105,7 +105,7 @@ def _first(repair: FirstRepair | None) -> list[str]:
         return []
     steps = [str(step.operator) for step in repair.prepared.steps]
     before = [f"before it: {'; '.join(steps)}"] if steps else []
-    return [f"first, the repair {repair.name}: {repair.say}", *before]
+    return [f"first, the repair {worded(repair.name, repair.say)}", *before]
 
 
 def given_up_entry(found: Sequence[GivenUp]) -> dict[str, str]:

@@ -23,7 +23,7 @@ from engine.pipelines.timetable import from_then_on
 from engine.pipelines.timetable.kept import lateness
 from engine.pipelines.timetable.wishes import wishes_for
 from engine.pipelines.troubleshooting.recovery import recover
-from engine.ports import ToldOfHands
+from engine.ports import Simulated
 from engine.stages.macros.lifted.world import StepChange
 from engine.stages.planning import Limits
 from engine.stages.validation.changes import State
@@ -195,7 +195,7 @@ def _note(here: _Pause, why: str, adds: Sequence[object], ends: Sequence[object]
     """Note what a person has changed; a simulated cell is told, so that it is so there."""
     new, old, reached = list(map(str, adds)), list(map(str, ends)), dict(here.course.world.reached)
     here.course.recorder.note(RecordKind.WORLD, why=why, adds=new, ends=old, reached=reached)
-    if isinstance(here.course.driver, ToldOfHands):
+    if isinstance(here.course.driver, Simulated):
         here.course.driver.by_hand(new, old, reached)
 
 

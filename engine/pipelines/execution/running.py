@@ -22,7 +22,7 @@ from engine.pipelines.execution.records import end_entry, plan_entry, read_atom,
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.reviewing import chosen, reviewed
 from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.settling import restore, settle, taken_up
+from engine.pipelines.execution.settling import left_out, restore, settle, taken_up
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.revision.remaining import left_over
 from engine.pipelines.simulation import Memory, SymbolicWorld
@@ -293,5 +293,5 @@ class Execution:
             self.forecast_ms,
             self.exceptions,
             self.steps,
-            tuple(self.story),
+            (*self.story, *left_out(self.driver)),
         )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from engine.model.cases import Revision
 from engine.pipelines.attainment import GivenUp
 from engine.pipelines.barring import barred
+from engine.pipelines.each import for_each
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.revision.remaining import remaining
 from engine.pipelines.simulation import WorldState
@@ -69,7 +70,10 @@ class Scope:
             for chain in self.problem.chains
             if lengths.get(chain.name)
         )
-        wanted = tuple(part for part in goal_parts(self.problem.goal) if str(part) in goals)
+        own = goal_parts(self.problem.goal)
+        if not all(str(part) in goals for part in own):  # of a goal about all objects, some may be left
+            own = goal_parts(for_each(self.problem).goal)
+        wanted = tuple(part for part in own if str(part) in goals)
         goal = And(wanted) if wanted else TRUE
         return replace(self, problem=replace(self.problem, chains=chains, goal=goal))
 

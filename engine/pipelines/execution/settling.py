@@ -9,6 +9,7 @@ from engine.pipelines.execution.compiling import Compiled, queued
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.records import compiled_of
 from engine.pipelines.execution.resuming import Content, Past
+from engine.ports import Driver, Simulated
 from engine.stages import execution as executive
 from engine.stages.execution import Running, Standing, standing_of
 from kb.cycles import no_search_for_cycles
@@ -105,3 +106,9 @@ def restore(course: Course, past: Past) -> None:
     course.noted, course.since = course.recorder.last, dict(past.since)
     course.accuracy = past.accuracy
     course.done, course.history = NumberSet(past.done), past.history
+
+
+def left_out(driver: Driver) -> tuple[str, ...]:
+    """The faults that were ordered for a simulated cell, and for which there were too few steps."""
+    left = driver.not_come() if isinstance(driver, Simulated) else ()
+    return tuple(f"{each} did not come up: there were fewer such steps" for each in left)

@@ -66,7 +66,7 @@ class Simulator:
         if past.halted:
             self._halt()
         elif past.hand is not None:
-            self._handled(past.hand)
+            self.by_hand(past.hand.adds, past.hand.ends, past.hand.reached)
         else:
             self._take(past.commands)
 
@@ -92,13 +92,13 @@ class Simulator:
 
     def by_hand(self, adds: Sequence[str], ends: Sequence[str], reached: Mapping[str, int]) -> None:
         """A person has changed something in the cell."""
-        hand = Hand(tuple(adds), tuple(ends), reached)
-        self._log.by_hand(self._now, hand)
-        self._handled(hand)
-
-    def _handled(self, hand: Hand) -> None:
+        self._log.by_hand(self._now, Hand(tuple(adds), tuple(ends), reached))
         if isinstance(self.cell, HiddenCell):
-            self.cell.by_hand(hand.adds, hand.ends, hand.reached)
+            self.cell.by_hand(adds, ends, reached)
+
+    def not_come(self) -> Sequence[str]:
+        """The faults that were ordered and have not come up."""
+        return self.cell.not_come() if isinstance(self.cell, HiddenCell) else ()
 
     def _take(self, commands: Sequence[Command]) -> None:
         for command in commands:

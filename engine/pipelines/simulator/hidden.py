@@ -89,6 +89,11 @@ class HiddenCell:
         chains = {name: reached.get(name, number) for name, number in now.reached.items()}
         self._know(replace(now, facts=facts, reached=chains))
 
+    def not_come(self) -> tuple[str, ...]:
+        """The faults that were ordered for steps that were not taken so often."""
+        late = (each for each in self.injections if self.times.get(each.action, 0) < each.time)
+        return tuple(f"{each.action}#{each.time}={each.cause}" for each in late)
+
     def take(self, text: str, expects: str, part: Sequence[float] = ()) -> str | None:
         """Carry out a step with the part believed to lie there: its reply; None if none ever comes."""
         step, self._told = instance(text), {}

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from engine.model.cases import Diagnosis, Revision
+from engine.model.wording import worded
 from engine.pipelines.simulation import WorldState
 from engine.pipelines.simulation.dynamics import fits
 from engine.pipelines.troubleshooting.beliefs import NOTHING, Beliefs, Causes
@@ -69,7 +70,10 @@ class Findings:
     def _spoilt(self, gone: frozenset[Atom]) -> Reasoned:
         model, cell = self.beliefs.cell.model, self.beliefs.cell
         return tuple(
-            (atom, f"{cause}: {model.causes[cause].say}; step {work.id} made it before that was noticed")
+            (
+                atom,
+                f"{worded(cause, model.causes[cause].say)}; step {work.id} made it before that was noticed",
+            )
             for cause in self.causes
             for work in cell.spoilt(cause)[0]
             for atom in work.added
@@ -126,7 +130,9 @@ class Findings:
         model = self.beliefs.cell.model
         certain = len(self.made.hypotheses) <= 1
         said = (
-            f"{cause} is there still: {model.causes[cause].say}" if certain else f"{cause} may be there still"
+            worded(f"{cause} is there still", model.causes[cause].say)
+            if certain
+            else f"{cause} may be there still"
         )
         repair = next((each for each in self.made.repairs if cause in model.repairs[each].cures), None)
         return f"{said}; {repair} may put it right" if repair else f"{said}; nobody has put it right"

@@ -180,3 +180,10 @@ def test_a_person_answers_before_the_cell_does() -> None:
         "reached",
         "stopped",
     )  # the cell itself is put right only when the person has done it
+
+
+def test_a_fault_that_did_not_come_up_is_told() -> None:
+    faults = [Injection("pick", "not_gripped", 40), Injection(PICK, "not_gripped")]
+    ending, _, _ = executed("themse/one", faults)
+    told = [each for each in ending.story if "did not come up" in each]
+    assert told == ["pick#40=not_gripped did not come up: there were fewer such steps"]

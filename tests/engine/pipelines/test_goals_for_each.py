@@ -1,0 +1,59 @@
+"""A goal about all objects is one goal for each of them where not all can be reached."""
+
+from pathlib import Path
+
+import pytest
+
+from engine.model.outcome import Found
+from engine.pipelines.attainment import attainable
+from engine.pipelines.barring import barred
+from engine.pipelines.each import for_each
+from kb.loader import load_problem
+from kb.model.conditions import goal_parts
+from kb.model.problem import Problem
+
+DOMAIN = """domain: sorting
+types: {item: object, colour: object}
+objects: {item: [a, b, c], colour: [red, blue]}
+statics: {"heavy(item)": {}, "asked(item, colour)": {}}
+fluents: {"sorted(item)": {}, "shown(item, colour)": {}}
+operators:
+  sort(Item): {adds: sorted(Item), resources: "belt, Item"}
+  show(Item, Colour): {adds: "shown(Item, Colour)", resources: "belt, Item"}
+"""
+
+
+def problem(folder: Path, goal: str) -> Problem:
+    (folder / "domain.yaml").write_text(DOMAIN, "utf-8")
+    (folder / "all.yaml").write_text(
+        f'problem: all\ndomain: sorting\nstatics: ["heavy(b), heavy(c), asked(c, blue), asked(a, red)"]\ngoals: ["{goal}"]\n',
+        "utf-8",
+    )
+    return load_problem(folder / "all.yaml")
+
+
+def goals(folder: Path, goal: str) -> list[str]:
+    return [str(each) for each in goal_parts(for_each(problem(folder, goal)).goal)]
+
+
+@pytest.mark.parametrize(
+    ("goal", "parts"),
+    [
+        ("sorted(I) : item(I)", ["sorted(a)", "sorted(b)", "sorted(c)"]),
+        ("sorted(I) : heavy(I)", ["sorted(b)", "sorted(c)"]),
+        ("sorted(a)", ["sorted(a)"]),
+    ],
+)
+def test_what_statics_decide_is_decided(tmp_path: Path, goal: str, parts: list[str]) -> None:
+    assert goals(tmp_path, goal) == parts
+
+
+def test_pairs_that_statics_name_are_meant(tmp_path: Path) -> None:
+    assert goals(tmp_path, "shown(I, C) : asked(I, C)") == ["shown(a, red)", "shown(c, blue)"]
+
+
+def test_one_lost_object_does_not_take_the_others_with_it(tmp_path: Path) -> None:
+    found = attainable(barred(problem(tmp_path, "sorted(I) : item(I)"), ["b"]))
+    assert isinstance(found.outcome, Found)
+    assert sorted(str(step.operator) for step in found.outcome.plan.steps) == ["sort(a)", "sort(c)"]
+    assert [each.goal for each in found.given_up] == ["sorted(b)"]
