@@ -40,8 +40,7 @@ Azimuth = Annotated[
         min=-360,
         max=360,
         callback=number,
-        help="the direction of view: degrees about z, counted from the x axis",
-        show_default=str(AZIMUTH),
+        help="the direction of view: degrees about z, counted from the x axis; -60 if not given",
     ),
 ]
 Elevation = Annotated[
@@ -50,8 +49,7 @@ Elevation = Annotated[
         min=-90,
         max=90,
         callback=number,
-        help="the height of the viewpoint, in degrees above the horizon",
-        show_default=str(ELEVATION),
+        help="the height of the viewpoint, in degrees above the horizon; 28 if not given",
     ),
 ]
 

@@ -6,7 +6,9 @@ from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.declared import Option
 
 EXTRA = ("pygls", "lsprotocol")
-Stdio = Annotated[bool, Option("--stdio", help="speak over standard input and output, as always")]
+Stdio = Annotated[
+    bool, Option("--stdio", help="speak over standard input and output, as always", show_default=False)
+]
 
 
 def lsp(_stdio: Stdio = True) -> None:

@@ -61,7 +61,10 @@ Bridges = Annotated[
     int, Option(min=0, max=100_000, help="short cuts that are tried: more work, a shorter path")
 ]
 Strategy = Annotated[
-    Way, Option(help="connect: two trees; visibility: the hand first; reduced: three joints at a time")
+    Way,
+    Option(
+        metavar="WAY", help="connect: two trees; visibility: the hand first; reduced: three joints at a time"
+    ),
 ]
 Refine = Annotated[
     int,

@@ -52,7 +52,7 @@ Library = Annotated[
     Option(
         "--store",
         envvar="CELLWRIGHT_STORE",
-        help="a library of MACROPs: a file, or postgresql://USER@HOST/DATABASE",
+        help="a library of MACROPs: a file, or postgresql://USER@HOST/DB",
     ),
 ]
 Cluster = Annotated[

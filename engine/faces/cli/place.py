@@ -51,7 +51,8 @@ def place(
     approach: Annotated[
         Approach,
         Option(
-            help="complete: straight, else the best way in the grasp plane; straight; potential: Handey's field of forces"
+            metavar="WAY",
+            help="complete: straight, else the best way in the grasp plane; straight; potential: Handey's field of forces",
         ),
     ] = Approach.COMPLETE,
     strategy: Strategy = Way.CONNECT,

@@ -24,7 +24,7 @@ Store = Annotated[
     Option(
         "--store",
         envvar="CELLWRIGHT_STORE",
-        help="where the journal is kept: a file, or postgresql://USER@HOST/DATABASE",
+        help="where the journal is kept: a file, or postgresql://USER@HOST/DB",
     ),
 ]
 Name = Annotated[

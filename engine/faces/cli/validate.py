@@ -7,7 +7,7 @@ from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.declared import Argument, Option, misfit
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Command, Format, Goals, Ground, Pddl
+from engine.faces.cli.options import Command, Format, Goals, Pddl
 from engine.model.wording import counted
 
 if TYPE_CHECKING:
@@ -26,7 +26,9 @@ def validate(
     ] = "",
     goals: Goals = "",
     command: Command = "",
-    ground: Ground = False,
+    ground: Annotated[
+        bool, Option("--ground", help="with --export: the target was exported with --ground")
+    ] = False,
     format: Format = Form.TEXT,
 ) -> None:
     """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
