@@ -1,12 +1,12 @@
 """The command `cellwright`: parse, call, print, exit. Large modules are imported only when a command needs them."""
 
+import _signal  # type: ignore[import-not-found]  # `signal` takes milliseconds to load, in which Ctrl-C tells a traceback
 import gc
-import signal
 
 
 def main() -> None:
     """Run the command line. Before a verb begins and after it ends, Ctrl-C ends the process without a message."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
     gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
     from engine.faces.cli.kept_code import kept_code
 
