@@ -18,6 +18,24 @@ SCENE_FILE = "scene.yaml"
 DEVICES = "devices"  # the folder of devices: of those that come with the engine, and beside a domain
 BUNDLED = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
 
+OTHERS = {  # files that are no target, by their endings: what they are, and which command takes them
+    ".lp": (
+        "these are rules, not a problem",
+        "name the problem, or the folder of the domain that includes it",
+    ),
+    ".pddl": (
+        "this is PDDL, not a problem in YAML",
+        "plan takes it with --pddl: cellwright plan --pddl DOMAIN PROBLEM",
+    ),
+    ".tsp": ("this is a file of TSPLIB, not a problem", "sequence takes it: cellwright sequence FILE"),
+    ".csv": ("this is a table, not a problem", "make a problem of its points: cellwright import csv FILE"),
+    ".qif": (
+        "this is a QIF document, not a problem",
+        "make a problem of its features: cellwright import qif FILE",
+    ),
+}
+SLAB = "operations.tsv"  # a table of S-LAB
+
 
 def bundled() -> dict[str, Path]:
     """The domains that come with the engine, by name."""
@@ -42,9 +60,8 @@ def find(target: str) -> Path:
     path = Path(target)
     if is_there(path / DOMAIN_FILE):
         return path / DOMAIN_FILE
-    if is_file(path) and path.suffix == ".lp":
-        hint = "name the problem, or the folder of the domain that includes it"
-        raise InvalidInput([Diagnostic(Source(target), "K404", "these are rules, not a problem", hint)])
+    if is_file(path) and path.suffix.lower() in OTHERS:
+        raise InvalidInput([Diagnostic(Source(target), "K404", *OTHERS[path.suffix.lower()])])
     if is_file(path):
         return path
     known = bundled()
@@ -112,6 +129,8 @@ def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:
     where = Source(target)
     if is_folder(path):
         hint = "name a problem file, or make a domain here with `cellwright init`"
+        if is_file(path / SLAB):
+            hint = "these are tables of S-LAB: cellwright schedule takes them"
         return Diagnostic(where, "K401", f"there is no {DOMAIN_FILE} in this folder", hint)
     beside = similar(path) if path.suffix in (".yaml", ".yml", ".json") else ""
     hint = beside or nearest(target, known) or f"bundled: {', '.join(known)}"

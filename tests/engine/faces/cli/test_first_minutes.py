@@ -232,6 +232,23 @@ def test_a_file_of_rules_is_told_as_such() -> None:
     assert "these are rules, not a problem" in result.output
 
 
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
+        ("domain.pddl", "cellwright plan --pddl DOMAIN PROBLEM"),
+        ("berlin52.tsp", "cellwright sequence FILE"),
+        ("points.CSV", "cellwright import csv FILE"),
+        ("part.qif", "cellwright import qif FILE"),
+        ("operations.tsv", "cellwright schedule takes them"),
+    ],
+)
+def test_files_of_other_systems_tell_which_command_takes_them(tmp_path: Path, name: str, advice: str) -> None:
+    (tmp_path / name).write_text("x\n")
+    target = tmp_path if name.endswith(".tsv") else tmp_path / name  # such tables lie in a folder
+    result = CliRunner().invoke(app, ["plan", str(target)])
+    assert (result.exit_code, advice in result.output) == (2, True)
+
+
 def test_what_has_no_accepted_answer_tells_how_to_accept_it(tmp_path: Path) -> None:
     create(tmp_path / "cell")
     for each in (tmp_path / "cell" / "golden").iterdir():
