@@ -1,6 +1,6 @@
 """What a run is still after: the original goals without those that were given up, and the domain without what is lost."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from engine.model.cases import Revision
@@ -11,7 +11,7 @@ from engine.pipelines.gate import PlanGate
 from engine.pipelines.revision.remaining import remaining
 from engine.pipelines.simulation import WorldState
 from engine.stages.validation.datalog import holds
-from kb.model.conditions import TRUE, And, goal_parts
+from kb.model.conditions import TRUE, And, Condition, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import finished
 from kb.terms import Atom
@@ -70,12 +70,17 @@ class Scope:
             for chain in self.problem.chains
             if lengths.get(chain.name)
         )
-        own = goal_parts(self.problem.goal)
-        if not all(str(part) in goals for part in own):  # of a goal about all objects, some may be left
-            own = goal_parts(for_each(self.problem).goal)
-        wanted = tuple(part for part in own if str(part) in goals)
+        wanted = tuple(part for whole in goal_parts(self.problem.goal) for part in self._wanted(whole, goals))
         goal = And(wanted) if wanted else TRUE
         return replace(self, problem=replace(self.problem, chains=chains, goal=goal))
+
+    def _wanted(self, whole: Condition, goals: Collection[str]) -> Iterator[Condition]:
+        """A goal if it is named; else what of it is: of a goal about all objects, some may be left."""
+        if str(whole) in goals:
+            yield whole
+        else:
+            parts = goal_parts(for_each(replace(self.problem, goal=whole)).goal)
+            yield from (part for part in parts if str(part) in goals)
 
     def reached(self, original: Problem, state: WorldState) -> tuple[list[str], list[str]]:
         """The goals of the original problem that are reached in a state, and the others."""

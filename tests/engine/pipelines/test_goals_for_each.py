@@ -1,5 +1,6 @@
 """A goal about all objects is one goal for each of them where not all can be reached."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,8 +9,9 @@ from engine.model.outcome import Found
 from engine.pipelines.attainment import attainable
 from engine.pipelines.barring import barred
 from engine.pipelines.each import for_each
+from engine.pipelines.execution.scope import Scope
 from kb.loader import load_problem
-from kb.model.conditions import goal_parts
+from kb.model.conditions import And, goal_parts
 from kb.model.problem import Problem
 
 DOMAIN = """domain: sorting
@@ -57,3 +59,12 @@ def test_one_lost_object_does_not_take_the_others_with_it(tmp_path: Path) -> Non
     assert isinstance(found.outcome, Found)
     assert sorted(str(step.operator) for step in found.outcome.plan.steps) == ["sort(a)", "sort(c)"]
     assert [each.goal for each in found.given_up] == ["sorted(b)"]
+
+
+def test_a_scope_keeps_whole_what_is_kept_whole_and_the_rest_in_parts(tmp_path: Path) -> None:
+    given = problem(tmp_path, "sorted(I) : item(I)")
+    pairs = problem(tmp_path, "shown(I, C) : asked(I, C)")
+    both = replace(given, goal=And((given.goal, pairs.goal)))
+    whole, *_ = goal_parts(given.goal)
+    narrowed = Scope(both).cut({}, {str(whole), "shown(a, red)"})
+    assert [str(each) for each in goal_parts(narrowed.problem.goal)] == [str(whole), "shown(a, red)"]
