@@ -4,7 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from engine.faces.cli import app
 from engine.model.outcome import Found
 from engine.pipelines.attainment import attainable
 from engine.pipelines.barring import barred
@@ -20,7 +22,7 @@ objects: {item: [a, b, c], colour: [red, blue]}
 statics: {"heavy(item)": {}, "asked(item, colour)": {}}
 fluents: {"sorted(item)": {}, "shown(item, colour)": {}}
 operators:
-  sort(Item): {adds: sorted(Item), resources: "belt, Item"}
+  sort(Item): {adds: sorted(Item), resources: "belt, Item", command: {stream: belt(sort), reply: done}}
   show(Item, Colour): {adds: "shown(Item, Colour)", resources: "belt, Item"}
 """
 
@@ -68,3 +70,30 @@ def test_a_scope_keeps_whole_what_is_kept_whole_and_the_rest_in_parts(tmp_path: 
     whole, *_ = goal_parts(given.goal)
     narrowed = Scope(both).cut({}, {str(whole), "shown(a, red)"})
     assert [str(each) for each in goal_parts(narrowed.problem.goal)] == [str(whole), "shown(a, red)"]
+
+
+FAULTS = """faults: sorting
+exceptions:
+  gone: {of: sort(Item), reply: gone, causes: {lost: 1}}
+causes:
+  lost: {say: it fell off, loses: [Item]}
+repairs:
+  write_off: {cost: 1, loses: [Item], cures: [lost]}
+"""
+
+
+def test_a_run_goes_on_with_the_other_objects(tmp_path: Path) -> None:
+    problem(tmp_path, "sorted(I) : item(I)")
+    (tmp_path / "faults.yaml").write_text(FAULTS, "utf-8")
+    line = [
+        "run",
+        str(tmp_path / "all.yaml"),
+        "--fault",
+        "sort(b)=lost",
+        "--store",
+        str(tmp_path / "runs.db"),
+    ]
+    told = CliRunner().invoke(app, line, env={"COLUMNS": "200"}).stdout
+    assert "1 of the goals could not be reached" in told
+    assert "given up: sorted(b): b is lost" in told
+    assert "2 steps, 1 exception" in told
