@@ -10,10 +10,10 @@ from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import holds, solve
 from engine.stages.validation.facts import Facts
 from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import Literal, StateAggregate, goal_parts
+from kb.model.conditions import Condition, Literal, StateAggregate, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import Listed, advanced, begun, holding, reached_as
-from kb.terms import Atom, Function, is_ground, match, ordered, substitute_atom
+from kb.terms import Atom, Function, Term, Variable, is_ground, match, ordered, substitute_atom
 
 Move = tuple[str, int, Atom]  # a chain, the number of its stage that is reached, and the atom that reaches it
 
@@ -58,7 +58,9 @@ class Dynamics:
         operator, bindings = found
         facts, wanted = self.facts(state), operator.precondition
         if not holds(wanted, facts, bindings):
-            missing = [str(part) for part in goal_parts(wanted) if not holds(part, facts, bindings)]
+            missing = [
+                _said(part, bindings) for part in goal_parts(wanted) if not holds(part, facts, bindings)
+            ]
             return f"its precondition does not hold: {', '.join(missing) or wanted}"
         return ""
 
@@ -197,3 +199,10 @@ class Dynamics:
 def fits(pattern: Atom, fact: Atom) -> bool:
     """Whether a fact is an instance of a pattern; variables stand for anything."""
     return match(pattern, fact, {}) is not None
+
+
+def _said(part: Condition, bindings: Mapping[Variable, Term]) -> str:
+    """A condition of a step with its objects in it."""
+    if not isinstance(part, Literal):
+        return str(part)
+    return str(replace(part, atom=substitute_atom(part.atom, bindings)))
