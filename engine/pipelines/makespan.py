@@ -93,7 +93,7 @@ def _others(problem: Problem, task: Task, outcome: Found, limits: Limits) -> Ite
     if not different or outcome.statistics.counts.get("expanded", 0) > SOON or limits.interrupted():
         return
     operators = tuple(replace(each, cost=each.duration + min(1, each.cost)) for each in task.operators)
-    second = replace(limits, expansions=SECOND, thorough=False, strategy="auto")
+    second = replace(limits, expansions=SECOND, thorough=False, strategy="auto", improved=lambda _: None)
     found = plan_task(replace(task, operators=operators), second)
     if isinstance(found, Found) and _done(found.plan) != _done(outcome.plan):
         costs = {operator.instance: operator.cost for operator in task.operators}

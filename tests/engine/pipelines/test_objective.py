@@ -14,7 +14,7 @@ from engine.model.outcome import Found
 from engine.model.schedule import Timetable
 from engine.pipelines import makespan as makespans
 from engine.pipelines import objective, planning
-from engine.pipelines.objective import Objective
+from engine.pipelines.objective import Objective, Order
 from engine.pipelines.timetable import timetable
 from engine.stages.planning import Limits
 from engine.stages.scheduling import check_schedule
@@ -181,3 +181,13 @@ def test_when_the_time_is_over_no_solver_is_waited_for(monkeypatch: pytest.Monke
     best, refused = makespans.fastest(problem, task, outcome, Limits(interrupted=lambda: True))
     assert refused is None
     assert not validate(problem, best.plan)
+
+
+def test_plans_that_are_told_of_have_their_own_cost() -> None:
+    """A second plan is looked for with times in the place of costs, and such sums are told to nobody."""
+    problem, heard = load_problem("bulkhead/both_tools"), list[int]()
+    limits = Limits(thorough=True, improved=lambda plan: heard.append(plan.cost))
+    run = objective.plan(problem, limits, order=Order.FREE)
+    assert isinstance(run.outcome, Found)
+    assert heard == sorted(heard, reverse=True)
+    assert heard[-1] == run.outcome.plan.cost

@@ -4,6 +4,7 @@ In relaxed plans each conditional effect is an operator of its own, beside the o
 atom, which costs nothing, and each operator that is repeated until quantities compare as wanted.
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -79,11 +80,19 @@ class Evaluation:
         for number, needed in enumerate(needs):
             for atom in needed:
                 users[atom].append(number)
-        costs = [*charges, *(rule.cost for rule in free)]
+        self._costs = [*charges, *(rule.cost for rule in free)]
         self.size, self.space = size, Space(operators, size, axioms)
-        self._plans = RelaxedPlans(
-            costs, tuple(indices(goals)), Rows(needs), Rows(adds), Rows(users), self._plain
-        )
+        self._rows = Rows(needs), Rows(adds), Rows(users)
+        self._plans = self._towards(goals)
+
+    def towards(self, goals: Bits) -> "Evaluation":
+        """The same for other goals; the two share what is large."""
+        fresh = copy.copy(self)
+        fresh._plans = self._towards(goals)
+        return fresh
+
+    def _towards(self, goals: Bits) -> RelaxedPlans:
+        return RelaxedPlans(self._costs, tuple(indices(goals)), *self._rows, self._plain)
 
     def __call__(self, state: bytes) -> tuple[int, list[int], list[int]]:
         """The cost of a relaxed plan from a packed state (-1 if there is none), the applicable and the preferred operators.

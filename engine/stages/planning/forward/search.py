@@ -173,7 +173,7 @@ class Forward:
             return True
         effort.expanded += 1
         estimate, applicable, preferred = self._evaluated(state)
-        if (self._bound < UNKNOWN and self._dear(parent, operator, estimate)) or estimate < 0:
+        if self._is_dear(here, estimate) or estimate < 0:
             return False
         effort.generated += len(applicable)
         keys = [estimate, self._landmarks.left(accepted, state)] if self._landmarks else [estimate]
@@ -184,11 +184,19 @@ class Forward:
         for place, key in enumerate(keys):
             for number, operators in ((2 * place, applicable), (2 * place + 1, preferred)):
                 if operators:
-                    heapq.heappush(self._queues[number], Batch(key, self._tie(), here, operators[::-1]))
+                    rank = self._rank(key, here)
+                    heapq.heappush(self._queues[number], Batch(rank, self._tie(), here, operators[::-1]))
         return False
 
-    def _dear(self, parent: int, operator: int, estimate: int) -> bool:
+    def _rank(self, key: int, node: int) -> int:  # noqa: ARG002 - other searches rank by what the way cost, too
+        """The place of a node's successors in a queue, by what seems to be left."""
+        return key
+
+    def _is_dear(self, node: int, estimate: int) -> bool:
         """Whether the way to the last node and on from there seems to reach the bound."""
+        if self._bound == UNKNOWN:
+            return False
+        _, _, parent, operator = self._nodes[node]
         spent = 0
         if parent >= 0:
             times, place = divmod(operator, len(self.operators))

@@ -1,15 +1,18 @@
 """Improvement of a first plan, as far as the work allows. Each plan is better than the one before."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from time import process_time
 
 from engine.model.replay import early
 from engine.model.task import GroundOperator, Task
 from engine.stages.planning.effort import Effort, OutOfRange
 from engine.stages.planning.elimination import eliminate, reached
 from engine.stages.planning.improvement.batches import fewer
+from engine.stages.planning.improvement.bounded import Pool, Searches
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.planning.improvement.exact import optimum
-from engine.stages.planning.improvement.rounds import Improvement, Steps, cost
+from engine.stages.planning.improvement.rounds import Growing, Improvement, Steps, cost
+from engine.stages.planning.improvement.straighten import Cheaper, by_search
 from engine.stages.planning.limits import Limits
 from engine.stages.planning.portfolio import CLIMB, STRATEGIES
 from engine.stages.planning.setting import Setting
@@ -28,6 +31,7 @@ PATIENT, PATIENCE = (
     (1, 2),
     10_000,
 )  # how greedy best-first searches for other plans are, and nodes that each may generate
+HANDICAPS = (0.0, 2.0)  # seconds before which windows by searches, and by a solver, have no turn
 
 
 def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> tuple[Plan, bool]:
@@ -49,61 +53,100 @@ def _better(
     setting: Setting, steps: Sequence[GroundOperator], limits: Limits
 ) -> Iterator[tuple[Steps, bool]]:
     """The steps that are needed, and every cheaper plan found; the last one with whether it is proved to be cheapest."""
-    effort = limits.improving()
     best = _needed(setting, steps)
     yield best, False
     least = _cheapest(setting, best, limits)
     if least is not None:
         yield least, True
         return
+    pool = Pool([best])
     cheaper = (
-        _cheaper(setting, best, limits, effort)
-        if setting.regression is not None
-        else _batched(setting, steps, limits)
+        _batched(setting, steps, pool, limits)
+        if setting.regression is None
+        else _cheaper(setting, pool, limits)
     )
     for better in cheaper:
+        pool.add(better)
         if cost(better) < cost(best):
             best = better
             yield best, False
+    if pool.proved:
+        yield best, True
 
 
-def _cheaper(setting: Setting, best: Steps, limits: Limits, effort: Effort) -> Iterator[Steps]:
+def _cheaper(setting: Setting, pool: Pool, limits: Limits) -> Iterator[Steps]:
     """Plans from windows of a plan, of other plans, and from ever wider windows of the cheapest of all."""
-    found = [best]
-    for better in _improved(setting, best, effort):
-        found.append(better)
-        yield better
+    yield from _improved(setting, pool.best, limits.improving())
     for steps in _others(setting, limits):
-        for better in _improved(setting, steps, limits.improving()):
-            found.append(better)
-            yield better
+        yield from _improved(setting, steps, limits.improving())
     if limits.thorough:
+        searches = Searches(setting, pool)
+        yield from _round(setting, searches, limits)
         for name, most in OTHERS:
-            for better in _improved(setting, _other(setting, name, most, effort), effort):
-                found.append(better)
-                yield better
-        best = min(found, key=cost)
-        yield from Improvement(setting.task, setting.regression, reached(setting.task, best)).wide(
-            best, effort
-        )
+            yield from _improved(setting, _other(setting, name, most, limits), limits.improving())
+        yield from _alternating(setting, pool, searches, limits)
 
 
-def _batched(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> Iterator[Steps]:
+def _alternating(setting: Setting, pool: Pool, searches: Searches, limits: Limits) -> Iterator[Steps]:
+    """Plans from ever longer searches and from ever wider windows of the cheapest plan. Whoever has used least time is next."""
+    effort, growing = limits.improving(), _windows(setting)
+    used: dict[Searches | Growing, float] = {searches: 0.0}
+    used.update(zip(growing, HANDICAPS, strict=True))
+    while used and not effort.over() and not pool.proved:
+        turn, since = min(used, key=used.__getitem__), process_time()
+        if isinstance(turn, Searches):
+            yield from _round(setting, turn, limits)
+        else:
+            yield from turn.round(pool.best, reached(setting.task, pool.best), effort)
+        used[turn] += process_time() - since
+        if turn.ended:
+            del used[turn]
+
+
+def _windows(setting: Setting) -> list[Growing]:
+    """Windows that searches plan anew, and windows that a solver plans anew."""
+    from engine.stages.planning.forward.weighted import within  # loads compiled kernels
+    from engine.stages.planning.stable_models.windows import Windows
+
+    task, regression = setting.task, setting.regression
+    if regression is None:
+        return []
+    operators, size = regression.operators, len(regression.excluded)
+    search = within(operators, size)
+    planners: list[Callable[[int], Cheaper]] = [
+        lambda expansions: by_search(search, expansions),
+        lambda conflicts: Windows(operators, task.mutex_groups, size, conflicts),
+    ]
+    return [Growing(task, regression, planner, setting.seed) for planner in planners]
+
+
+def _round(setting: Setting, searches: Searches, limits: Limits) -> Iterator[Steps]:
+    for steps in searches.round(limits.interrupted):
+        yield from _improved(setting, steps, limits.improving())
+
+
+def _batched(
+    setting: Setting, first: Sequence[GroundOperator], pool: Pool, limits: Limits
+) -> Iterator[Steps]:
     """Plans with fewer batches, for tasks that only forward searches can plan: from a plan, and if there is time from those of
     other strategies, and from the cheapest of all by ever longer searches."""
-    task, found = setting.task, list[Steps]()
-    for better in fewer(task, steps, limits.batching()):
-        found.append(better)
-        yield plainly(task, better)
+    yield from _fewer(setting, first, limits)
     if limits.thorough:
         for name, most in OTHERS:
-            other = _other(setting, name, most, limits.improving())
-            for better in fewer(task, other, limits.batching()) if other is not None else ():
-                found.append(better)
-                yield plainly(task, better)
-        best = min(found, key=cost, default=list(steps))
-        for better in fewer(task, best, limits.improving(), growing=True):
-            yield plainly(task, better)
+            other = _other(setting, name, most, limits)
+            yield from _fewer(setting, other, limits) if other is not None else ()
+        searches = Searches(setting, pool)
+        while not (limits.interrupted() or searches.ended or searches.long):
+            for steps in searches.round(limits.interrupted):
+                yield from _fewer(setting, steps, limits)
+        if not pool.proved:
+            for better in fewer(setting.task, pool.best, limits.improving(), growing=True):
+                yield plainly(setting.task, better)
+
+
+def _fewer(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> Iterator[Steps]:
+    for better in fewer(setting.task, steps, limits.batching()):
+        yield plainly(setting.task, better)
 
 
 def _needed(setting: Setting, steps: Sequence[GroundOperator]) -> Steps:
@@ -148,10 +191,11 @@ def _improved(
         )
 
 
-def _other(setting: Setting, name: str, most: int, effort: Effort) -> Sequence[GroundOperator] | None:
+def _other(setting: Setting, name: str, most: int, limits: Limits) -> Sequence[GroundOperator] | None:
     """The steps that another strategy finds within `most` expansions; None if it finds none."""
+    effort = Effort(most, limits.interrupted)
     try:
-        answer = None if effort.over() else STRATEGIES[name](setting, Effort(most, effort.interrupted))
+        answer = None if effort.over() else STRATEGIES[name](setting, effort)
     except (TooManyVariants, OutOfRange):
         return None
     return answer.steps if answer else None

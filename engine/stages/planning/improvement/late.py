@@ -1,8 +1,9 @@
-"""The order of a plan in which steps that are dear or done again come as late as they can."""
+"""Other orders of a plan: steps that are dear or done again as late as they can be, or what belongs together side by side."""
 
 from collections import Counter
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
+from random import Random
 
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.stages.planning.variants import plainly
@@ -32,6 +33,26 @@ def late(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
             if not missing[each]:
                 heappush(ready, rank[each])
     return order
+
+
+def grouped(steps: Sequence[GroundOperator], chance: Random) -> list[GroundOperator]:
+    """The same unconditional steps in an order with the same effect: before a step comes what it needs, if that is not done yet.
+
+    So the steps of one errand stand side by side, which the plan may have mixed with others. Chance decides which errand is first.
+    """
+    before = [indices(each) for each in _before(steps)]
+    needed = {place for own in before for place in own}
+    last = [place for place in range(len(steps)) if place not in needed]
+    order, seen = list[int](), set[int]()
+    waiting = [(place, False) for place in chance.sample(last, len(last))]
+    while waiting:
+        place, ready = waiting.pop()
+        if ready:
+            order.append(place)
+        elif place not in seen:
+            seen.add(place)
+            waiting += [(place, True), *((earlier, False) for earlier in before[place])]
+    return [steps[place] for place in order]
 
 
 def _before(steps: Sequence[GroundOperator]) -> list[Bits]:

@@ -3,19 +3,21 @@
 Each round replaces detours and drops needless steps, until a round finds nothing.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from random import Random
 
 from engine.model.replay import early
 from engine.model.task import Bits, GroundOperator, Task
 from engine.stages.planning.effort import Effort
 from engine.stages.planning.elimination import eliminate
+from engine.stages.planning.improvement.late import grouped
 from engine.stages.planning.improvement.straighten import Cheaper, by_regression, straighten
 from engine.stages.planning.regression.space import Regression
 
 Steps = list[GroundOperator]
 NARROW = ((6, 500), (12, 1500))  # (steps in a window, nodes that may be generated for it)
-WIDE = 12  # steps in the first windows for stable models; they grow by half in each pass
-CONFLICTS = 1000  # conflicts for such a window; they grow by half, too
+WIDE = 12  # steps in the first windows that grow by half in each round
+WORK = 1000  # conflicts of a solver, or expansions of a search, for such a window; they grow by half, too
 MOST = 1_000_000
 
 
@@ -34,23 +36,9 @@ class Improvement:
         yield kept
         if self.regression is not None:
             passes = [(width, by_regression(self.regression, nodes)) for width, nodes in NARROW]
-            yield from self._settled(kept, passes, effort)
+            yield from self.settled(kept, passes, effort)
 
-    def wide(self, best: Steps, effort: Effort) -> Iterator[Steps]:
-        """Every cheaper plan found in ever wider windows, until even the widest windows give nothing more."""
-        from engine.stages.planning.stable_models.windows import Windows
-
-        if self.regression is None:
-            return
-        width, conflicts, size = WIDE, CONFLICTS, len(self.regression.excluded)
-        while not effort.over() and conflicts < MOST:
-            cheaper = Windows(self.regression.operators, self.task.mutex_groups, size, conflicts)
-            for better in self._settled(best, [(width, cheaper)], effort):
-                best = better
-                yield best
-            width, conflicts = min(width + width // 2, max(len(best), WIDE)), conflicts + conflicts // 2
-
-    def _settled(self, kept: Steps, passes: Sequence[tuple[int, Cheaper]], effort: Effort) -> Iterator[Steps]:
+    def settled(self, kept: Steps, passes: Sequence[tuple[int, Cheaper]], effort: Effort) -> Iterator[Steps]:
         """Every cheaper plan that the passes find, until a round finds nothing."""
         while not effort.over():
             found = kept
@@ -61,6 +49,34 @@ class Improvement:
                 return
             yield found
             kept = found
+
+
+class Growing:
+    """Windows that get more work in each round, until even the most work gives nothing more. They are wider each time, and
+    narrow again after the whole plan was one.
+
+    `planner` makes what plans windows anew from the work that it may take for each. From the second round on steps that belong
+    together stand side by side.
+    """
+
+    def __init__(
+        self, task: Task, regression: Regression, planner: Callable[[int], Cheaper], seed: int
+    ) -> None:
+        self._task, self._regression, self._planner, self._chance = task, regression, planner, Random(seed)
+        self._width, self._work = WIDE, WORK
+
+    @property
+    def ended(self) -> bool:
+        """Whether further rounds are not worth their time."""
+        return self._work >= MOST
+
+    def round(self, best: Steps, goals: Bits, effort: Effort) -> Iterator[Steps]:
+        """Every plan for one alternative of the goals, cheaper than `best`, that the windows of the next round give."""
+        improvement = Improvement(self._task, self._regression, goals)
+        steps = best if self._work == WORK else grouped(best, self._chance)
+        yield from improvement.settled(steps, [(self._width, self._planner(self._work))], effort)
+        self._width = WIDE if self._width >= len(best) else self._width + self._width // 2
+        self._work += self._work // 2
 
 
 def cost(steps: Sequence[GroundOperator]) -> tuple[int, int]:

@@ -3,11 +3,15 @@ of block deordering and window optimisation, Siddiqui & Haslum 2015).
 """
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from engine.model.task import Bits, GroundOperator, progress
 from engine.stages.planning.effort import Effort
 from engine.stages.planning.regression.searches import BestFirst
 from engine.stages.planning.regression.space import Backward, Regression
+
+if TYPE_CHECKING:
+    from engine.stages.planning.forward.weighted import Weighted
 
 SHARE = 32  # a window's relaxed plans cost one node for this many operators
 
@@ -72,7 +76,24 @@ def by_regression(regression: Regression, nodes: int) -> Cheaper:
         effort.add(part)
         if answer is None or answer.steps is None:
             return None
-        saved = sum(operator.cost for operator in window) - sum(operator.cost for operator in answer.steps)
-        return answer.steps if saved > 0 else None
+        return answer.steps if _price(answer.steps) < _price(window) else None
 
     return cheaper
+
+
+def by_search(search: "Weighted", expansions: int) -> Cheaper:
+    """Plans windows anew by a forward search with at most so many expansions each."""
+
+    def cheaper(
+        state: Bits, goals: Bits, window: Sequence[GroundOperator], effort: Effort
+    ) -> list[GroundOperator] | None:
+        part = effort.part(expansions)
+        answer = search.between(state, goals, _price(window)).run(part)
+        effort.add(part)
+        return answer.steps if answer is not None else None
+
+    return cheaper
+
+
+def _price(steps: Sequence[GroundOperator]) -> int:
+    return sum(step.cost for step in steps)
