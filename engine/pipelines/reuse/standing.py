@@ -21,6 +21,7 @@ from engine.stages.macros.lookup.repertoire import AHEAD, Repertoire
 from engine.stages.planning import Limits
 from kb.cycles import search_now
 from kb.diagnostics import InvalidInput
+from kb.loader.amounts import version_of_cell
 from kb.model.domain import Domain
 from kb.store import Library
 from kb.store.opening import note_opened
@@ -33,14 +34,18 @@ CELLS = 2  # cells whose evaluated facts are kept with a library
 
 @dataclass(frozen=True, slots=True)
 class _Standing:
-    """A library that stays open, with what is known of a domain and its cells. `known` says what it held, see `Library.holdings`."""
+    """A library that stays open, with what is known of a domain, and of its cells as long as the file of places has its `version`.
+
+    `known` says what the library held, see `Library.holdings`.
+    """
 
     store: str
     file: tuple[int, int] | None
     library: Library
     repertoire: Repertoire
-    cells: Cells
     known: tuple[int, int, str]
+    cells: Cells | None = None
+    version: tuple[Path, int, int] | None = None
 
     def serves(self, store: str, domain: Domain) -> bool:
         """Whether it is the library of a store for a domain."""
@@ -77,8 +82,8 @@ if hasattr(os, "register_at_fork"):
 @contextlib.contextmanager
 def standing(store: str, domain: Domain, limits: Limits) -> Iterator[Practice]:
     """A library in use for one problem of a domain; it stays open if the process has asked before. Raises `InvalidInput`."""
-    own = _taken(store, domain)
-    cells = own.cells if own else Cells(CELLS)
+    own, version = _taken(store, domain), version_of_cell(domain)
+    cells = own.cells if own and own.cells and own.version == version else Cells(CELLS)
     with contextlib.ExitStack() as closing:
         library = closing.enter_context(own.library if own else Library(store, beside=True))
         note_opened(store)
@@ -91,7 +96,8 @@ def standing(store: str, domain: Domain, limits: Limits) -> Iterator[Practice]:
             with contextlib.suppress(
                 InvalidInput
             ):  # the answer is there; next time the library is opened anew
-                if _kept(own or _begun(store, library, repertoire.domain, cells)):
+                known = own or _begun(store, library, repertoire.domain)
+                if _kept(replace(known, cells=cells, version=version)):
                     closing.pop_all()
 
 
@@ -117,13 +123,13 @@ def _taken(store: str, domain: Domain) -> _Standing | None:
     return None
 
 
-def _begun(store: str, library: Library, domain: Domain, cells: Cells) -> _Standing:
+def _begun(store: str, library: Library, domain: Domain) -> _Standing:
     """A library with the outlines as they are now: those that a problem has used may have been removed since."""
     file, known = _identity(store), library.holdings(domain.name)
     repertoire = Repertoire(library, domain)
     if known[0] <= LARGEST:
         repertoire.load()
-    return _Standing(store, file, library, repertoire, cells, known)
+    return _Standing(store, file, library, repertoire, known)
 
 
 def _kept(own: _Standing) -> bool:

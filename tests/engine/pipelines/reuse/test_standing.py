@@ -140,6 +140,17 @@ def test_the_facts_of_a_cell_are_evaluated_once(
     assert [origin(each, store) for each in (problem, other)] == ["library"] * 2
 
 
+def test_another_version_of_the_file_of_the_cell_is_evaluated_anew(
+    problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, seen = str(tmp_path / "library.db"), []
+    for size in (1, 1, 1, 2):
+        monkeypatch.setattr(module, "version_of_cell", lambda _, size=size: (tmp_path / "cell.yaml", 0, size))
+        origin(problem, store)
+        seen += [each.cells for each in module._KEPT.standing]
+    assert seen[0] is seen[1] and seen[2] is not seen[1]
+
+
 def test_who_comes_next_waits_for_no_search_for_cycles(problem: Problem, tmp_path: Path) -> None:
     store, before = str(tmp_path / "library.db"), gc.get_threshold()
     gc.set_threshold(1_000_000)
