@@ -29,6 +29,8 @@ from kb.model.plan import GOAL, START, CausalLink, Claims, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Substitution, Term, substitute, substitute_atom
 
+AMOUNTS = ("duration", "cost")
+
 
 def validate(
     problem: Problem, plan: Plan, name: str = "plan", claims: Claims | None = None
@@ -156,29 +158,23 @@ class _Check:
 
     def _amounts(self, step: Step, operator: Operator, bindings: Substitution) -> bool:
         """Whether a step exists: what it holds, how long it lasts and what it costs have values. Wrong claims are told."""
-        said = f"step {step.id} {step.operator}"
-        expected = [evaluate(substitute(resource, bindings)) for resource in operator.resources]
-        amounts = self.semantics.amounts
         try:
-            numbers = {
-                "duration": (amounts.lasting(operator, bindings), step.duration),
-                "cost": (amounts.of(operator.cost, bindings, 1), step.cost),
-            }
+            held, *numbers = self.semantics.demands(step.operator, operator, bindings)
         except NoAmount as error:
-            self._report("K501", f"{said}: {error}", error.hint)
+            self._report("K501", f"step {step.id} {step.operator}: {error}", error.hint)
             return False
-        if None in expected:
-            self._report("K501", f"{said}: a resource that it must hold has no value")
+        if None in held:
+            self._report("K501", f"step {step.id} {step.operator}: a resource that it must hold has no value")
             return False
-        for name, (value, claimed) in numbers.items():
+        for name, value, claimed in zip(AMOUNTS, numbers, (step.duration, step.cost), strict=True):
             if value < 0:
-                self._report("K501", f"{said}: its {name} is {value}")
+                self._report("K501", f"step {step.id} {step.operator}: its {name} is {value}")
                 return False
             if value != claimed:
-                self._report("K508", f"{said} has the {name} {value}, not {claimed}")
-        self.amounts[step.id] = (numbers["duration"][0], numbers["cost"][0])
-        if set(expected) - set(step.resources):
-            self._report("K501", f"{said} must hold {_listed(expected)}")
+                self._report("K508", f"step {step.id} {step.operator} has the {name} {value}, not {claimed}")
+        self.amounts[step.id] = numbers[0], numbers[1]
+        if not set(held) <= set(step.resources):
+            self._report("K501", f"step {step.id} {step.operator} must hold {_listed(held)}")
             return False
         return True
 

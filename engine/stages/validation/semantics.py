@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import Bindings, bound, solve
@@ -16,6 +17,7 @@ from engine.stages.validation.deductions import Deductions, remembered
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.evaluated import Evaluated
 from engine.stages.validation.facts import Deduced, Facts
+from kb.arithmetic import evaluate
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import guard
 from kb.graphs import components, reached
@@ -24,7 +26,15 @@ from kb.model.amounts import Amounts
 from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter, literals
 from kb.model.domain import Effect, Kind, Operator, Rule
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, substitute_atom
+from kb.terms import Atom, Function, Term, substitute, substitute_atom
+
+
+class Demands(NamedTuple):
+    """What a step holds (None for what has no value), how long it lasts, and what it costs."""
+
+    resources: tuple[Term | None, ...]
+    duration: int
+    cost: int
 
 
 @dataclass
@@ -38,6 +48,7 @@ class Semantics:
     _where: dict[Body, Body] = field(default_factory=dict)
     _start: State | None = None
     _bound: dict[Function, tuple[Operator, Bindings] | str] = field(default_factory=dict)
+    _demands: dict[Function, Demands] = field(default_factory=dict)
 
     def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
         """The semantics of another problem with the same domain, objects and static facts; None if they
@@ -212,6 +223,18 @@ class Semantics:
             return f"its constraints do not hold: {', '.join(map(str, operator.body))}"
         return operator, bindings
 
+    def demands(self, step: Function, operator: Operator, bindings: Bindings) -> Demands:
+        """What a step holds, how long it lasts and what it costs. Raises `NoAmount`."""
+        known = self._demands.get(step)
+        if known is None:
+            held = tuple([evaluate(substitute(each, bindings)) for each in operator.resources])
+            lasts, costs = (
+                self.amounts.lasting(operator, bindings),
+                self.amounts.of(operator.cost, bindings, 1),
+            )
+            known = remembered(self._demands, step, Demands(held, lasts, costs))
+        return known
+
     def change(
         self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts
     ) -> StepChange:
@@ -269,6 +292,7 @@ class Semantics:
                         waiting += following.added
                         fresh += following.denied
         deduced = [denial for denial in denials if denial.deduced]
-        contradiction = next((a for a in adds if any(d.matches(a, self.statics) for d in deduced)), None)
+        statics = self.statics
+        contradiction = next((a for a in adds if any(d.matches(a, statics) for d in deduced)), None)
         ends = frozenset(atom for atom in ended if atom not in adds)
         return StepChange(frozenset(adds), ends, tuple(denials), frozenset(triggered), contradiction)

@@ -148,7 +148,8 @@ def test_another_version_of_the_file_of_the_cell_is_evaluated_anew(
         monkeypatch.setattr(module, "version_of_cell", lambda _, size=size: (tmp_path / "cell.yaml", 0, size))
         origin(problem, store)
         seen += [each.cells for each in module._KEPT.standing]
-    assert seen[0] is seen[1] and seen[2] is not seen[1]
+    assert seen[0] is seen[1]
+    assert seen[2] is not seen[1]
 
 
 def test_who_comes_next_waits_for_no_search_for_cycles(problem: Problem, tmp_path: Path) -> None:
