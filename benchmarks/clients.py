@@ -5,14 +5,14 @@
 Each client is a process with connections of its own. It looks up as `cellwright.plan` does in a program that plans again and again: the
 library stays open and is read ahead (`engine.pipelines.reuse.standing`), and Python looks for cycles of references when it wants to. After
 `--warm` days it has in memory what a cell has that has run for a while. When all have done so, they begin, and go on for `--seconds`. Every
-`--every` seconds on average
-a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use, counts a trial in a row that
-all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it, and writes it if nobody else
-has; else again). In its first turn, and every tenth, it stores a MACROP, too.
+`--every` seconds on average a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use,
+counts a trial in a row that all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it,
+and writes it if nobody else has; else again). In its first turn, and every tenth, it stores a MACROP, too.
 
 A lookup is from the problem to a plan that the checker has accepted, in seconds of the clock: with the question whether the library still
-holds what was read. A turn is all of this call: with the use that is counted, too. The turns of the beginning are told apart.
-Exits with 1 if the 99th percentile of the turns is above 20 ms, or if anything is lost.
+holds what was read. A turn is all of this call: with the use that is counted, too. The turns of the beginning are told apart. What share of
+the processors worked meanwhile, for whatever, is told as well. Exits with 1 if the 99th percentile of the turns is above 20 ms, or if
+anything is lost.
 """
 
 import argparse
@@ -57,7 +57,7 @@ class Told:
     """What a client did.
 
     Seconds of its first turn, of the others at the beginning and of those that count, of these also to the plan alone; how many of
-    all and of those that count found a plan; when they began and ended; how often it wrote; and errors.
+    all and of those that count found a plan; when they began and ended; how much the processors worked meanwhile, for it and for all; how often it wrote; and errors.
     """
 
     first_s: float = 0.0
@@ -69,6 +69,7 @@ class Told:
     since: float = 0.0
     until: float = 0.0
     processor_s: float = 0.0
+    busy_s: float = 0.0
     moved: int = 0
     tries: int = 0
     learned: int = 0
@@ -97,7 +98,7 @@ class Client:
 
     def work(self) -> None:
         """Look days up, from time to time, and write after each."""
-        self.told.since, spent = time.monotonic(), time.process_time()
+        self.told.since, spent, busy = time.monotonic(), time.process_time(), busy_s()
         while True:
             problem = next(self.problems)
             time.sleep(self.draw.expovariate(1.0 / self.asked.every))
@@ -109,6 +110,7 @@ class Client:
             self.told.hits += found is not None
             self._write(len(self.told.turns_s) - 1, found)
         self.told.until, self.told.processor_s = time.monotonic(), time.process_time() - spent
+        self.told.busy_s = busy_s() - busy
 
     def _found(self, problem: Problem) -> tuple[float, float, int | None]:
         """Seconds to the plan and to the end of the turn, and the number of the MACROP that gave the plan."""
@@ -151,6 +153,13 @@ def client(
         ready()
         one.work()
     return one.told
+
+
+def busy_s() -> float:
+    """Seconds that all processors of this machine have worked since it began (Linux)."""
+    with open("/proc/stat") as file:
+        user, nice, system, *_ = (int(each) for each in file.readline().split()[1:])
+    return (user + nice + system) / os.sysconf("SC_CLK_TCK")
 
 
 def renamed(macrop: Macrop, number: int, turn: int) -> Macrop:
@@ -245,6 +254,12 @@ def summed(told: Sequence[Told]) -> dict[str, Any]:
         "shared sequence written": sum(each.moved for each in told),
         "of so many tries": sum(each.tries for each in told),
         "learned": sum(each.learned for each in told),
+        "share of the processors": round(
+            statistics.median(
+                each.busy_s / max(each.until - each.since, 1e-9) / (os.cpu_count() or 1) for each in told
+            ),
+            2,
+        ),
         "processor_s": round(sum(each.processor_s for each in told), 1),
     }
 
