@@ -139,7 +139,7 @@ class _Check:
         if not self._amounts(step, operator, bindings):
             return None
         facts = self.semantics.facts(state)
-        failed = next(iter(self._failed(operator.precondition, facts, bindings)), None)
+        failed = self._unmet(step, operator, bindings, facts)
         if failed is not None:
             self._report(
                 "K501",
@@ -184,6 +184,13 @@ class _Check:
             own = [evaluate(substitute(resource, each.bindings)) for resource in each.operator.resources]
             if more := [resource for resource in each.step.resources if resource not in own]:
                 yield f"step {each.step.id} {each.step.operator} holds no {_listed(more)}"
+
+    def _unmet(self, step: Step, operator: Operator, bindings: Substitution, facts: Facts) -> str | None:
+        """The first part of a step's precondition that does not hold, written with its values."""
+        needs = self.semantics.needs(step.operator, operator, bindings)
+        if needs is None:
+            return next(iter(self._failed(operator.precondition, facts, bindings)), None)
+        return next((str(each) for each in needs if (each.atom in facts) != each.positive), None)
 
     def _failed(self, condition: Condition, facts: Facts, bindings: Substitution) -> Iterator[str]:
         """The conjuncts that do not hold, written with their values."""

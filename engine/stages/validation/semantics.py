@@ -9,7 +9,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import Bindings, bound, solve
@@ -17,7 +16,15 @@ from engine.stages.validation.deductions import Deductions, remembered
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.evaluated import Evaluated
 from engine.stages.validation.facts import Deduced, Facts
-from kb.arithmetic import evaluate
+from engine.stages.validation.instances import (
+    Demands,
+    Effects,
+    Fired,
+    demands_of,
+    effects_of,
+    needed,
+    unconditional,
+)
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import guard
 from kb.graphs import components, reached
@@ -26,15 +33,7 @@ from kb.model.amounts import Amounts
 from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter, literals
 from kb.model.domain import Effect, Kind, Operator, Rule
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, substitute, substitute_atom
-
-
-class Demands(NamedTuple):
-    """What a step holds (None for what has no value), how long it lasts, and what it costs."""
-
-    resources: tuple[Term | None, ...]
-    duration: int
-    cost: int
+from kb.terms import Atom, Function, Term, substitute_atom
 
 
 @dataclass
@@ -49,6 +48,8 @@ class Semantics:
     _start: State | None = None
     _bound: dict[Function, tuple[Operator, Bindings] | str] = field(default_factory=dict)
     _demands: dict[Function, Demands] = field(default_factory=dict)
+    _needs: dict[Function, tuple[Literal, ...] | None] = field(default_factory=dict)
+    _changes: dict[Function, Effects] = field(default_factory=dict)
 
     def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
         """The semantics of another problem with the same domain, objects and static facts; None if they
@@ -206,10 +207,9 @@ class Semantics:
 
     def binding(self, step: Function) -> tuple[Operator, Bindings] | str:
         """The operator of a step and the values of its parameters; a text with the reason if there are none."""
-        known = self._bound.get(step)
-        if known is None:
-            known = remembered(self._bound, step, self._binding(step))
-        return known
+        if step not in self._bound:
+            remembered(self._bound, step, self._binding(step))
+        return self._bound[step]
 
     def _binding(self, step: Function) -> tuple[Operator, Bindings] | str:
         operator = self.operators.get(step.name)
@@ -225,35 +225,37 @@ class Semantics:
 
     def demands(self, step: Function, operator: Operator, bindings: Bindings) -> Demands:
         """What a step holds, how long it lasts and what it costs. Raises `NoAmount`."""
-        known = self._demands.get(step)
-        if known is None:
-            held = tuple([evaluate(substitute(each, bindings)) for each in operator.resources])
-            lasts, costs = (
-                self.amounts.lasting(operator, bindings),
-                self.amounts.of(operator.cost, bindings, 1),
-            )
-            known = remembered(self._demands, step, Demands(held, lasts, costs))
-        return known
+        if step not in self._demands:
+            remembered(self._demands, step, demands_of(operator, bindings, self.amounts))
+        return self._demands[step]
+
+    def needs(self, step: Function, operator: Operator, bindings: Bindings) -> tuple[Literal, ...] | None:
+        """The precondition of a step as ground literals; None if it is something else."""
+        if step not in self._needs:
+            remembered(self._needs, step, needed(operator.precondition, bindings))
+        return self._needs[step]
 
     def change(
         self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts
     ) -> StepChange:
         """What a step does in a state; `facts` is the state with its derived atoms."""
-        added: list[Atom] = []
-        explicit: list[Atom] = []
-        events: list[Atom] = []
+        made = self._effects(operator, bindings, facts)
+        return replace(self.deduce(made.added, made.denials, state), events=made.events)
+
+    def _effects(self, operator: Operator, bindings: Bindings, facts: Facts) -> Effects:
+        key = Function(operator.name, tuple([bindings[each] for each in operator.variables]))
+        made = self._changes.get(key)
+        if made is None:
+            made = effects_of(self._fired(operator, bindings, facts), self._kinds)
+            if unconditional(operator):
+                remembered(self._changes, key, made)
+        return made
+
+    def _fired(self, operator: Operator, bindings: Bindings, facts: Facts) -> Iterator[Fired]:
         for effect in operator.effects:
+            once = bool(effect.parameters) or effect.condition != TRUE
             for found in self._fires(effect, bindings, facts):
-                atom = substitute_atom(effect.atom, found)
-                if self._kinds.get(atom.name) is Kind.EVENT:
-                    if atom not in events or not (effect.parameters or effect.condition != TRUE):
-                        events.append(atom)
-                elif effect.adds:
-                    added.append(atom)
-                else:
-                    explicit.append(atom)
-        ends = tuple(Denial(atom, deduced=False) for atom in explicit if atom not in added)
-        return replace(self.deduce(added, ends, state), events=tuple(events))
+                yield substitute_atom(effect.atom, found), effect.adds, once
 
     def _fires(self, effect: Effect, bindings: Bindings, facts: Facts) -> Iterator[Bindings]:
         if effect.condition == TRUE and not effect.parameters:
@@ -292,7 +294,6 @@ class Semantics:
                         waiting += following.added
                         fresh += following.denied
         deduced = [denial for denial in denials if denial.deduced]
-        statics = self.statics
-        contradiction = next((a for a in adds if any(d.matches(a, statics) for d in deduced)), None)
+        contradiction = next((a for a in adds if any(d.matches(a, self.statics) for d in deduced)), None)
         ends = frozenset(atom for atom in ended if atom not in adds)
         return StepChange(frozenset(adds), ends, tuple(denials), frozenset(triggered), contradiction)
