@@ -39,7 +39,6 @@ from postgres import server
 from engine.pipelines.reuse.standing import standing
 from engine.stages.macros.lookup.repertoire import record_of
 from engine.stages.planning import Limits
-from kb.model.macro import Macrop
 from kb.model.problem import Problem
 from kb.store import Library, loads
 from kb.store.cases import Cases, ClosedCase
@@ -99,11 +98,9 @@ class Client:
     def work(self) -> None:
         """Look days up, from time to time, and write after each."""
         self.told.since, spent, busy = time.monotonic(), time.process_time(), busy_s()
-        while True:
+        end = self.told.since + self.asked.seconds
+        while self._paused(end):
             problem = next(self.problems)
-            time.sleep(self.draw.expovariate(1.0 / self.asked.every))
-            if time.monotonic() > self.told.since + self.asked.seconds:
-                break
             looked_up_s, turn_s, found = self._found(problem)
             self.told.lookups_s.append(looked_up_s)
             self.told.turns_s.append(turn_s)
@@ -111,6 +108,12 @@ class Client:
             self._write(len(self.told.turns_s) - 1, found)
         self.told.until, self.told.processor_s = time.monotonic(), time.process_time() - spent
         self.told.busy_s = busy_s() - busy
+
+    def _paused(self, end: float) -> bool:
+        """Wait for the next day, or for the end; whether it is not over."""
+        pause = self.draw.expovariate(1.0 / self.asked.every)
+        time.sleep(min(pause, max(0.0, end - time.monotonic())))
+        return time.monotonic() < end
 
     def _found(self, problem: Problem) -> tuple[float, float, int | None]:
         """Seconds to the plan and to the end of the turn, and the number of the MACROP that gave the plan."""
@@ -131,7 +134,8 @@ class Client:
         self.told.cases += 1
         macrop = self.library.macrop(found) if found is not None and turn % LEARNS == 0 else None
         if macrop is not None:
-            own = record_of(renamed(macrop, self.number, turn))
+            name = Function(f"own_{self.number}_{turn}")  # a MACROP that nobody else stores
+            own = record_of(dataclasses.replace(macrop, domain="another", name=name))
             self.told.learned += self.library.add([own])[0] is not None
 
 
@@ -160,11 +164,6 @@ def busy_s() -> float:
     with open("/proc/stat") as file:
         user, nice, system, *_ = (int(each) for each in file.readline().split()[1:])
     return (user + nice + system) / os.sysconf("SC_CLK_TCK")
-
-
-def renamed(macrop: Macrop, number: int, turn: int) -> Macrop:
-    """A MACROP that nobody else stores."""
-    return dataclasses.replace(macrop, domain="another", name=Function(f"own_{number}_{turn}"))
 
 
 def moved_on(sequences: Sequences, told: Told, name: str) -> None:

@@ -1,7 +1,6 @@
 """Python's search for reference cycles: rare in our processes, and off while millions of values are made that stay."""
 
 import gc
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -43,35 +42,10 @@ def search_seldom() -> None:
 
 @contextmanager
 def seldom_searched() -> Iterator[None]:
-    """A context in which Python looks for cycles as rarely as in a process of ours. For work inside other programs.
-
-    The limit is one for all threads: the first that comes changes it, the last that leaves brings it back.
-    """
-    _SELDOM.enter()
+    """A context in which Python looks for cycles as rarely as in a process of ours. For work inside other programs."""
+    before = gc.get_threshold()
+    gc.set_threshold(SELDOM)
     try:
         yield
     finally:
-        _SELDOM.leave()
-
-
-class _Seldom:
-    """Who is in the context, and the limit from before."""
-
-    def __init__(self) -> None:
-        self._lock, self._inside, self._before = threading.Lock(), 0, gc.get_threshold()
-
-    def enter(self) -> None:
-        with self._lock:
-            if not self._inside:
-                self._before = gc.get_threshold()
-                gc.set_threshold(SELDOM)
-            self._inside += 1
-
-    def leave(self) -> None:
-        with self._lock:
-            self._inside -= 1
-            if not self._inside:
-                gc.set_threshold(*self._before)
-
-
-_SELDOM = _Seldom()
+        gc.set_threshold(*before)

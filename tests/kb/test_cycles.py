@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from kb.cycles import SELDOM, search_now, seldom_searched
+from kb.cycles import search_now
 
 
 @pytest.fixture(autouse=True)
@@ -29,13 +29,3 @@ def test_who_has_switched_the_search_off_is_not_searched() -> None:
     kept = [[number] for number in range(5_000)]
     search_now()
     assert gc.get_count()[0] > len(kept)
-
-
-def test_the_limit_comes_back_when_the_last_has_left() -> None:
-    one, other = seldom_searched(), seldom_searched()
-    one.__enter__()
-    other.__enter__()
-    one.__exit__(None, None, None)
-    assert gc.get_threshold()[0] == SELDOM
-    other.__exit__(None, None, None)
-    assert gc.get_threshold()[0] == 1_000_000

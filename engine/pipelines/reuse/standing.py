@@ -19,7 +19,7 @@ from pathlib import Path
 from engine.pipelines.reuse.practice import Cells, Practice
 from engine.stages.macros.lookup.repertoire import AHEAD, Repertoire
 from engine.stages.planning import Limits
-from kb.cycles import search_now, seldom_searched
+from kb.cycles import search_now
 from kb.diagnostics import InvalidInput
 from kb.loader.amounts import version_of_cell
 from kb.model.domain import Domain
@@ -84,7 +84,7 @@ def standing(store: str, domain: Domain, limits: Limits) -> Iterator[Practice]:
     """A library in use for one problem of a domain; it stays open if the process has asked before. Raises `InvalidInput`."""
     own, version = _taken(store, domain), version_of_cell(domain)
     cells = own.cells if own and own.cells and own.version == version else Cells(CELLS)
-    with seldom_searched(), contextlib.ExitStack() as closing:
+    with contextlib.ExitStack() as closing:
         library = closing.enter_context(own.library if own else Library(store, beside=True))
         note_opened(store)
         with Practice(library, limits, cells=cells) as practice:
