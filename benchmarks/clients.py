@@ -1,20 +1,26 @@
 """A hundred cells that share one library in PostgreSQL: how long lookups take, and whether an update is lost.
 
-    python benchmarks/clients.py [--clients N] [--lookups N] [--every S] [--macrops N] [--points N] [--warm N] [--json FILE]
+    python benchmarks/clients.py [--clients N] [--seconds S] [--every S] [--macrops N] [--points N] [--warm N]
+        [--first] [--json FILE]
 
 Each client is a process with connections of its own. It looks up as `cellwright.plan` does in a program that plans again and again: the
-library stays open and is read ahead (`engine.pipelines.reuse.standing`). After `--warm` days it has in memory what a cell has that has run
-for a while. When all have done so, they begin. Every `--every` seconds on average
-a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use, counts a trial in a row that
-all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it, and writes it if nobody else
-has; else again). Every tenth time it stores a MACROP, too. The lookup is from the query to the plan, in seconds of the clock, with
-the question whether the library still holds what was read. The lookups
-of the beginning are told apart. Exits with 1 if the 99th percentile is above 20 ms, or if anything is lost.
+library stays open and is read ahead (`engine.pipelines.reuse.standing`), and Python looks for cycles of references when it wants to. After
+`--warm` days it has in memory what a cell has that has run for a while. When all have done so, they begin, and go on for `--seconds`. Every
+`--every` seconds on average a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use,
+counts a trial in a row that all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it,
+and writes it if nobody else has; else again). In its first turn, and every tenth, it stores a MACROP, too.
+
+A lookup is from the problem to a plan that the checker has accepted, in seconds of the clock: with the question whether the library still
+holds what was read. A turn is all of this call: with the use that is counted, too. The turns of the beginning are told apart. What share of
+the processors worked meanwhile, for whatever, is told as well. With `--first` clients and server come before all other work of the machine
+while they count, for machines that are never idle: then nothing but caches and memory is shared with others. Exits with 1 if the 99th percentile of the turns is above 20 ms, or if
+anything is lost.
 """
 
 import argparse
 import dataclasses
 import gc
+import itertools
 import json
 import math
 import multiprocessing
@@ -25,20 +31,19 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from machine import busy_s, come_first
 from macros import Bench, lessons
 from points import Day, again, different_days
-from postgres import server
+from postgres import Server, server
 
 from engine.pipelines.reuse.standing import standing
-from engine.stages.macros.lookup.lookup import Hit
-from engine.stages.macros.lookup.query import Query, query
 from engine.stages.macros.lookup.repertoire import record_of
 from engine.stages.planning import Limits
-from kb.model.domain import Domain
-from kb.model.macro import Macrop
+from kb.model.problem import Problem
 from kb.store import Library, loads
 from kb.store.cases import Cases, ClosedCase
 from kb.store.checking import checked
@@ -54,18 +59,20 @@ SHARED = ("shared", "visits")
 class Told:
     """What a client did.
 
-    Seconds of its first lookup, of the others at the beginning and of those that count; how many of all and of those that count
-    found a plan; when they began and ended; how often it wrote; and errors.
+    Seconds of its first turn, of the others at the beginning and of those that count, of these also to the plan alone; how many of
+    all and of those that count found a plan; when they began and ended; how much the processors worked meanwhile, for it and for all; how often it wrote; and errors.
     """
 
     first_s: float = 0.0
     warm_s: list[float] = dataclasses.field(default_factory=list)
+    turns_s: list[float] = dataclasses.field(default_factory=list)
     lookups_s: list[float] = dataclasses.field(default_factory=list)
     uses: int = 0
     hits: int = 0
     since: float = 0.0
     until: float = 0.0
     processor_s: float = 0.0
+    busy_s: float = 0.0
     moved: int = 0
     tries: int = 0
     learned: int = 0
@@ -80,45 +87,59 @@ class Client:
     number: int
     asked: argparse.Namespace
     url: str
-    domain: Domain
+    problems: Iterator[Problem]
     library: Library
     sequences: Sequences
     cases: Cases
     draw: random.Random
     told: Told = dataclasses.field(default_factory=Told)
 
-    def warm_up(self, queries: Sequence[Query]) -> None:
+    def warm_up(self) -> None:
         """Look up some days; meanwhile the library is read."""
-        times = [self._found(each)[0] for each in queries]
+        times = [self._found(next(self.problems))[1] for _ in range(self.asked.warm)]
         self.told.first_s, self.told.warm_s = times[0] if times else 0.0, times[1:]
 
-    def work(self, queries: Sequence[Query]) -> None:
+    def work(self) -> None:
         """Look days up, from time to time, and write after each."""
-        self.told.since, spent = time.monotonic(), time.process_time()
-        for turn, each in enumerate(queries):
-            time.sleep(self.draw.expovariate(1.0 / self.asked.every))
-            lasted, hit = self._found(each)
-            self.told.lookups_s.append(lasted)
-            self.told.hits += hit is not None
-            self._write(turn, hit)
+        self.told.since, spent, busy = time.monotonic(), time.process_time(), busy_s()
+        end = self.told.since + self.asked.seconds
+        while self._paused(end):
+            problem = next(self.problems)
+            looked_up_s, turn_s, found = self._found(problem)
+            self.told.lookups_s.append(looked_up_s)
+            self.told.turns_s.append(turn_s)
+            self.told.hits += found is not None
+            self._write(len(self.told.turns_s) - 1, found)
         self.told.until, self.told.processor_s = time.monotonic(), time.process_time() - spent
+        self.told.busy_s = busy_s() - busy
 
-    def _found(self, asked: Query) -> tuple[float, Hit | None]:
+    def _paused(self, end: float) -> bool:
+        """Wait for the next day, or for the end; whether it is not over."""
+        pause = self.draw.expovariate(1.0 / self.asked.every)
+        time.sleep(min(pause, max(0.0, end - time.monotonic())))
+        return time.monotonic() < end
+
+    def _found(self, problem: Problem) -> tuple[float, float, int | None]:
+        """Seconds to the plan and to the end of the turn, and the number of the MACROP that gave the plan."""
         began = time.perf_counter()
-        with standing(self.url, self.domain, Limits()) as practice:  # its end counts the use
-            hit = practice.repertoire(self.domain).find(asked)
-            lasted = time.perf_counter() - began
-        self.told.uses += hit is not None
-        return lasted, hit
+        with standing(self.url, problem.domain, Limits()) as practice:  # its end counts the use
+            answer = practice.plan(problem)
+            looked_up_s = time.perf_counter() - began
+        turn_s = time.perf_counter() - began
+        found = answer.macrop if answer.origin == "library" else None
+        self.told.uses += found is not None
+        return looked_up_s, turn_s, found
 
-    def _write(self, turn: int, hit: Hit | None) -> None:
-        self.library.note_trial(*SHARED, hit is not None)
+    def _write(self, turn: int, found: int | None) -> None:
+        self.library.note_trial(*SHARED, found is not None)
         moved_on(self.sequences, self.told, f"{self.number}_{turn}")
         told = ((f"c{self.number}", f"t{turn}"),)
         self.cases.add([ClosedCase("shared", "late", ("slow",), 1.0, told)])
         self.told.cases += 1
-        if hit is not None and turn % LEARNS == 0:
-            own = record_of(renamed(hit.macrop, self.number, turn))
+        macrop = self.library.macrop(found) if found is not None and turn % LEARNS == 0 else None
+        if macrop is not None:
+            name = Function(f"own_{self.number}_{turn}")  # a MACROP that nobody else stores
+            own = record_of(dataclasses.replace(macrop, domain="another", name=name))
             self.told.learned += self.library.add([own])[0] is not None
 
 
@@ -130,24 +151,16 @@ def client(
     asked: argparse.Namespace,
     ready: Callable[[], object],
 ) -> Told:
-    """One client, until it has made its lookups. It calls `ready` before those that count, and goes on when all have."""
-    gc.set_threshold(100_000)  # as the commands do
-    draw = random.Random(f"{SEED} {number}")
-    count = asked.warm + asked.lookups
-    posed = (query(*bench.posed(again(draw.choice(days), draw, asked.points))) for _ in range(count))
-    queries = [each for each in posed if each is not None]
+    """One client, until its time is over. It calls `ready` before the turns that count, and goes on when all have."""
     gc.freeze()  # what the benchmark itself keeps in memory is none of lookup's concern
+    draw = random.Random(f"{SEED} {number}")
+    problems = (bench.posed(again(draw.choice(days), draw, asked.points))[0] for _ in itertools.count())
     with Library(url) as library, Sequences(url) as sequences, Cases(url) as cases:
-        one = Client(number, asked, url, bench.problem.domain, library, sequences, cases, draw)
-        one.warm_up(queries[: asked.warm])
+        one = Client(number, asked, url, problems, library, sequences, cases, draw)
+        one.warm_up()
         ready()
-        one.work(queries[asked.warm :])
+        one.work()
     return one.told
-
-
-def renamed(macrop: Macrop, number: int, turn: int) -> Macrop:
-    """A MACROP that nobody else stores."""
-    return dataclasses.replace(macrop, domain="another", name=Function(f"own_{number}_{turn}"))
 
 
 def moved_on(sequences: Sequences, told: Told, name: str) -> None:
@@ -184,12 +197,12 @@ def heard(count: int, work: Any) -> Iterator[Told]:
 
 
 @contextmanager
-def shared(documents: Sequence[str], clients: int) -> Iterator[str]:
+def shared(documents: Sequence[str], clients: int) -> Iterator[Server]:
     """A library in PostgreSQL with MACROPs, for so many clients."""
     with server(f"-c fsync=off -c max_connections={4 * clients + 20}") as base:
         with Library(base.url) as library:
             library.add([record_of(loads(text), 60.0) for text in documents])
-        yield base.url
+        yield base
 
 
 def lost(url: str, told: Sequence[Told], before: int) -> list[str]:
@@ -216,7 +229,8 @@ def lost(url: str, told: Sequence[Told], before: int) -> list[str]:
 
 def summed(told: Sequence[Told]) -> dict[str, Any]:
     """The figures of all clients. Processor seconds are those of the clients after the beginning, without the server's."""
-    times = sorted(each for one in told for each in one.lookups_s) or [math.inf]
+    times = sorted(each for one in told for each in one.turns_s) or [math.inf]
+    plans = sorted(each for one in told for each in one.lookups_s) or [math.inf]
     warm = sorted(each for one in told for each in one.warm_s) or [0.0]
     seconds = max(each.until for each in told) - min(each.since for each in told)
     return {
@@ -227,11 +241,21 @@ def summed(told: Sequence[Told]) -> dict[str, Any]:
         "p90_ms": round(1000 * times[int(len(times) * 0.90)], 2),
         "p99_ms": round(1000 * times[int(len(times) * 0.99)], 2),
         "max_ms": round(1000 * times[-1], 2),
+        "to the plan: median, p90, p99, max_ms": [
+            round(1000 * plans[min(int(len(plans) * part), len(plans) - 1)], 2)
+            for part in (0.5, 0.9, 0.99, 1)
+        ],
         "first_ms": round(1000 * statistics.median(each.first_s for each in told), 1),
         "others of the beginning, median_ms": round(1000 * statistics.median(warm), 1),
         "shared sequence written": sum(each.moved for each in told),
         "of so many tries": sum(each.tries for each in told),
         "learned": sum(each.learned for each in told),
+        "share of the processors": round(
+            statistics.median(
+                each.busy_s / max(each.until - each.since, 1e-9) / (os.cpu_count() or 1) for each in told
+            ),
+            2,
+        ),
         "processor_s": round(sum(each.processor_s for each in told), 1),
     }
 
@@ -242,23 +266,26 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--clients", type=int, default=100)
-    parser.add_argument("--lookups", type=int, default=30)
+    parser.add_argument("--seconds", type=float, default=90.0)
     parser.add_argument("--every", type=float, default=10.0)
     parser.add_argument("--macrops", type=int, default=300)
     parser.add_argument("--points", type=int, default=60)
     parser.add_argument("--warm", type=int, default=20)
+    parser.add_argument("--first", action="store_true")
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     days = different_days(asked.macrops, 14, SEED)
     documents, bench = lessons(days), Bench.of(asked.points)
-    load = os.getloadavg()[0]
-    with shared(documents, asked.clients) as url:
+    load, began = os.getloadavg()[0], time.monotonic()
+    with shared(documents, asked.clients) as base:
+        url, first = base.url, partial(come_first, (os.getpid(), base.process))
         with Library(url) as library:
             before = library.figures().macrops
-        all_ready = multiprocessing.Barrier(asked.clients, timeout=WAIT_S)
+        all_ready = multiprocessing.Barrier(asked.clients, first if asked.first else None, WAIT_S)
         told = list(heard(asked.clients, lambda n: client(url, bench, days, n, asked, all_ready.wait)))
         wrong = lost(url, told, before)
     row = {"clients": asked.clients, "MACROPs": before, **summed(told), "load before": round(load, 1)}
+    row["whole_s"] = round(time.monotonic() - began, 1)
     row["wrong"] = wrong
     print(json.dumps(row))
     if asked.json:

@@ -31,6 +31,7 @@ from typing import Any
 
 from cluster_mishaps import VICTIMS, Trial, tried
 from clusters import Cluster
+from machine import busy_s
 from postgres import PROGRAMS, Server, server
 from store_content import knowledge
 
@@ -88,18 +89,11 @@ def prepared(chosen: Path, store: Path, *how: str) -> tuple[float, float, float]
         finally:
             os._exit(0)
     os.close(tell)
-    before = _busy()
+    before = busy_s()
     with os.fdopen(hear) as file:
         clock, spent = json.load(file)
     os.waitpid(child, 0)
-    return clock, spent, max(0.0, _busy() - before - spent)
-
-
-def _busy() -> float:
-    """Seconds that all processors of this machine have worked since it began (Linux)."""
-    with open("/proc/stat") as file:
-        user, nice, system, *_ = (int(each) for each in file.readline().split()[1:])
-    return (user + nice + system) / os.sysconf("SC_CLK_TCK")
+    return clock, spent, max(0.0, busy_s() - before - spent)
 
 
 def _spent(compiled: Path, *command: str) -> tuple[float, float]:

@@ -43,11 +43,15 @@ class Server:
             "pg_ctl", "-D", str(self._data), "-o", options, "-l", log, "-w", "start", **self.environment
         )
 
+    @property
+    def process(self) -> int:
+        """Its first process, which starts one for each connection."""
+        return int((self._data / "postmaster.pid").read_text().split()[0])
+
     def kill(self, how: signal.Signals) -> None:
         """Send its first process a signal: SIGQUIT ends all, SIGKILL leaves the others to notice it."""
-        process = int((self._data / "postmaster.pid").read_text().split()[0])
         with contextlib.suppress(ProcessLookupError):
-            os.kill(process, how)
+            os.kill(self.process, how)
 
     def _run(self, program: str, *arguments: str, **more: str) -> None:
         subprocess.run(

@@ -205,7 +205,7 @@ PLANS = (
         (), (9, 20),
     ),
     Part(
-        "clients", "benchmarks/clients.py", ("--clients", "10", "--lookups", "10", "--macrops", "100", "--points", "60", "--json", "{json}"), ("--json", "{json}"),
+        "clients", "benchmarks/clients.py", ("--clients", "10", "--seconds", "60", "--macrops", "100", "--points", "60", "--json", "{json}"), ("--json", "{json}"),
         (
             Figure(26, "lookup in a shared library, 99th percentile", at("p99_ms"), "ms", 20.0),
             Figure(26, "updates lost in a shared library", lambda o: float(len(o.kept["wrong"])), "", 0.0, noise=EXACT),

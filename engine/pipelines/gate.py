@@ -34,7 +34,8 @@ def refusal(wrong: list[Diagnostic]) -> InternalError | InvalidInput:
 class PlanGate:
     """The checker, and what it has evaluated for the last few cells."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = CELLS) -> None:
+        self._most = most
         self._cells: list[Semantics] = []
 
     def semantics(self, problem: Problem, state: State | None = None) -> Semantics:
@@ -44,7 +45,7 @@ class PlanGate:
                 self._cells.insert(0, self._cells.pop(place))
                 return found
         fresh = Semantics(problem)
-        self._cells = [fresh, *self._cells[: CELLS - 1]]
+        self._cells = [fresh, *self._cells[: self._most - 1]]
         return fresh if state is None else fresh.about(problem, state) or fresh
 
     def findings(self, problem: Problem, plan: Plan, state: State | None = None) -> list[Diagnostic]:

@@ -57,18 +57,26 @@ def _evaluated(problem: Problem) -> Facts:
 
 def _framed(domain: Domain) -> "tuple[Cell, str] | None":
     """The cell beside a domain, and the frame of its travel; None if there is no cell. Raises `InvalidInput`."""
-    path = Path(domain.path).with_name(CELL_FILE) if domain.path else None
-    if path is None or not is_file(path):
+    version = version_of_cell(domain)
+    if version is None:
         return None
     from kb.model.cell import WORLD
     from kb.model.positions import is_fixed
 
-    stamp, frame = path.stat(), domain.motion.frame if domain.motion else WORLD
-    cell = _cell(path, stamp.st_mtime_ns, stamp.st_size)
+    frame, cell = domain.motion.frame if domain.motion else WORLD, _cell(*version)
     if domain.motion is not None and not is_fixed(cell, frame):
         known = [name for name in (*cell.frames, *cell.bodies) if is_fixed(cell, name)]
         raise InvalidInput([unknown_name("frame", frame, [WORLD, *known], domain.motion.where)])
     return cell, frame
+
+
+def version_of_cell(domain: Domain) -> tuple[Path, int, int] | None:
+    """The file of the cell beside a domain, with the time of its last change and its size; None if there is none."""
+    path = Path(domain.path).with_name(CELL_FILE) if domain.path else None
+    if path is None or not is_file(path):
+        return None
+    said = path.stat()
+    return path, said.st_mtime_ns, said.st_size
 
 
 @lru_cache(maxsize=4)

@@ -7,14 +7,14 @@ from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.diagnostics import InvalidInput
 from kb.model.macro import Macrop
-from kb.store.counts import add_trials, add_uses
+from kb.store.counts import add_trials, add_uses, holdings, trials_of
 from kb.store.documents import dumps, loads
 from kb.store.engines import is_writable, refusal, transaction
 from kb.store.notation import NotationError, Requirement
 from kb.store.opening import Database, reading
 from kb.store.outlines import Outline, SharedTexts, chunks, words_of
 from kb.store.records import Figures, Record, Stored, Use
-from kb.store.schema import depends_text, fingerprint, macrops, outlines, trials, usage, version_of
+from kb.store.schema import depends_text, fingerprint, macrops, outlines, usage, version_of
 from kb.store.utilities import Figures as Utilities
 from kb.store.utilities import Utility, add_figures, figures_in
 
@@ -111,12 +111,8 @@ class Library(Database):
 
     def holdings(self, domain: str, last: int | None = None) -> tuple[int, int, str]:
         """How many MACROPs of a domain there are, and number and fingerprint of the last; only those up to `last` if it is given."""
-        own = (macrops.c.domain == domain) & (macrops.c.id <= last if last is not None else True)
-        latest = select(macrops.c.fingerprint).where(own).order_by(macrops.c.id.desc()).limit(1)
-        asked = select(func.count(), func.max(macrops.c.id), latest.scalar_subquery()).where(own)
         with transaction(self._engine, self.target, apart=True) as connection:
-            count, number, text = connection.execute(asked).one()
-        return int(count), int(number or 0), str(text or "")
+            return holdings(connection, domain, last)
 
     def note_outlines(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
         """Store requirements that were computed for MACROPs of older versions, by number."""
@@ -162,8 +158,7 @@ class Library(Database):
     def macrop(self, number: int) -> Macrop | None:
         """One MACROP by its number, without its uses."""
         with transaction(self._engine, self.target, apart=True) as connection:
-            own = select(macrops.c.document, macrops.c.fingerprint).where(macrops.c.id == number)
-            row = connection.execute(own).first()
+            row = connection.execute(_NUMBERED, {"own": number}).first()
         return self._parsed(number, *row) if row is not None else None
 
     def _read(self, where: object) -> list[Stored]:
@@ -227,10 +222,8 @@ class Library(Database):
 
     def trials(self, domain: str, signature: str) -> tuple[int, int]:
         """How often plans for goals of one signature could be composed of MACROPs, and how often not."""
-        own = (trials.c.domain == domain) & (trials.c.signature == signature)
         with transaction(self._engine, self.target, apart=True) as connection:
-            row = connection.execute(select(trials.c.successes, trials.c.failures).where(own)).first()
-        return (int(row[0]), int(row[1])) if row else (0, 0)
+            return trials_of(connection, domain, signature)
 
     def note_trial(self, domain: str, signature: str, success: bool) -> None:
         """Count one more attempt to compose a plan."""
@@ -268,6 +261,9 @@ class Library(Database):
             count = connection.execute(select(func.count()).select_from(shapes)).scalar_one()
             schema = version_of(connection)
         return Figures(sum(domains.values()), count, int(uses or 0), float(seconds or 0.0), domains, schema)
+
+
+_NUMBERED = select(macrops.c.document, macrops.c.fingerprint).where(macrops.c.id == bindparam("own"))
 
 
 def removed(connection: Connection, numbers: Collection[int]) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import bindparam, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.json_text import parsed
@@ -48,6 +48,11 @@ class SequencePlan:
     version: int = 0
 
 
+_KEPT = select(sequences.c.document, sequences.c.version).where(
+    sequences.c.domain == bindparam("own"), sequences.c.problem == bindparam("whose")
+)
+
+
 class Sequences(Database):
     """The sequence plans in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
 
@@ -56,9 +61,8 @@ class Sequences(Database):
 
     def of(self, domain: str, problem: str) -> SequencePlan | None:
         """The plan for a problem; None if none is stored."""
-        mine = (sequences.c.domain == domain) & (sequences.c.problem == problem)
         with transaction(self._engine, self.target, apart=True) as connection:
-            row = connection.execute(select(sequences.c.document, sequences.c.version).where(mine)).first()
+            row = connection.execute(_KEPT, {"own": domain, "whose": problem}).first()
         if row is None:
             return None
         try:

@@ -5,6 +5,7 @@ import dataclasses
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from engine.pipelines.gate import PlanGate
 from engine.stages.validation import validate
 from engine.stages.validation.changes import State
 from engine.stages.validation.datalog import holds
@@ -46,6 +47,20 @@ def test_links_of_a_sequence_are_refused_only_if_they_break(given: tuple[Problem
     fails = Simulation(problem, Plan(plan.steps)).fails()
     if not fails and found == {"K504"}:
         assert any(not _needless(problem, plan, each) for each in plan.links)
+
+
+@given(posed(), st.data())
+@MANY
+def test_a_checker_that_knows_the_cell_finds_what_a_new_one_finds(
+    given: tuple[Problem, Plan], data: st.DataObject
+) -> None:
+    problem, plan = given
+    gate = PlanGate()
+    for _ in range(3):
+        state = tuple(sorted(data.draw(st.sets(st.sampled_from(ATOMS))), key=str))
+        other = dataclasses.replace(problem, initial=state, complete=data.draw(st.booleans()))
+        tried = Plan(tuple(data.draw(st.permutations(plan.steps))), plan.links)
+        assert gate.findings(other, tried) == validate(other, tried)
 
 
 def _needless(problem: Problem, plan: Plan, link: CausalLink) -> bool:

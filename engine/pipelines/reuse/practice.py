@@ -7,7 +7,7 @@ from types import TracebackType
 from engine.model.forecast import makespan
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.pipelines import planning
-from engine.pipelines.gate import PlanGate
+from engine.pipelines.gate import CELLS, PlanGate
 from engine.pipelines.reuse.composition import PlanPart, Served, compose, kinds_of, worth_composing
 from engine.pipelines.reuse.subsequences import Subsequences
 from engine.stages.grounding.initial import initial_state
@@ -50,18 +50,30 @@ class Answered:
     parts: tuple[PlanPart, ...] = ()
 
 
+class Cells:
+    """What was evaluated of the last few cells, by lookup and by the checker, each for itself. It serves any library."""
+
+    def __init__(self, most: int = CELLS) -> None:
+        self.worlds, self.gate = CellDomains(most), PlanGate(most)
+
+
 class Practice:
     """A library in use.
 
     Problems of the same cell share its evaluated static facts. The situation after one plan can be the start of the next.
     """
 
-    def __init__(self, library: Library, limits: Limits = Limits(), learns: bool = True) -> None:
-        """Without `learns`, the MACROPs of the library are used, and no new ones are learned."""
+    def __init__(
+        self,
+        library: Library,
+        limits: Limits = Limits(),
+        learns: bool = True,
+        cells: Cells | None = None,
+    ) -> None:
+        """Without `learns`, the MACROPs of the library are used, and no new ones are learned. Some `cells` may be known already."""
         self.library, self.limits = library, limits
         self.learns = learns and library.writable
-        self._gate = PlanGate()
-        self._worlds = CellDomains()
+        self._cells = cells if cells is not None else Cells()
         self._repertoires: list[Repertoire] = []
         self._subsequences: list[Subsequences] = []
 
@@ -105,7 +117,7 @@ class Practice:
         state, contradicted = initial_state(problem, Vocabulary(problem.domain))
         if contradicted:
             raise InvalidInput(contradicted)
-        return Situation.of(self._worlds.of(problem), state)
+        return Situation.of(self._cells.worlds.of(problem), state)
 
     def plan(self, problem: Problem, situation: Situation | None = None) -> Answered:
         """A checked plan for a problem, from `situation` if one is given, else from the problem's initial state.
@@ -214,7 +226,7 @@ class Practice:
 
     def _approved(self, problem: Problem, here: Situation, plan: Plan) -> bool:
         """Whether the gate accepts a plan. If not, the plan is sought in the next way; the planner is the last one."""
-        return not self._gate.findings(problem, plan, here.state)
+        return not self._cells.gate.findings(problem, plan, here.state)
 
     def _planned(self, problem: Problem, here: Situation, whole: bool = True) -> Answered:
         outcome, seconds = self._searched(problem, here, whole)

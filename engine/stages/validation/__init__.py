@@ -29,6 +29,8 @@ from kb.model.plan import GOAL, START, CausalLink, Claims, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Substitution, Term, substitute, substitute_atom
 
+AMOUNTS = ("duration", "cost")
+
 
 def validate(
     problem: Problem, plan: Plan, name: str = "plan", claims: Claims | None = None
@@ -137,7 +139,7 @@ class _Check:
         if not self._amounts(step, operator, bindings):
             return None
         facts = self.semantics.facts(state)
-        failed = next(iter(self._failed(operator.precondition, facts, bindings)), None)
+        failed = self._unmet(step, operator, bindings, facts)
         if failed is not None:
             self._report(
                 "K501",
@@ -156,29 +158,23 @@ class _Check:
 
     def _amounts(self, step: Step, operator: Operator, bindings: Substitution) -> bool:
         """Whether a step exists: what it holds, how long it lasts and what it costs have values. Wrong claims are told."""
-        said = f"step {step.id} {step.operator}"
-        expected = [evaluate(substitute(resource, bindings)) for resource in operator.resources]
-        amounts = self.semantics.amounts
         try:
-            numbers = {
-                "duration": (amounts.lasting(operator, bindings), step.duration),
-                "cost": (amounts.of(operator.cost, bindings, 1), step.cost),
-            }
+            held, *numbers = self.semantics.demands(step.operator, operator, bindings)
         except NoAmount as error:
-            self._report("K501", f"{said}: {error}", error.hint)
+            self._report("K501", f"step {step.id} {step.operator}: {error}", error.hint)
             return False
-        if None in expected:
-            self._report("K501", f"{said}: a resource that it must hold has no value")
+        if None in held:
+            self._report("K501", f"step {step.id} {step.operator}: a resource that it must hold has no value")
             return False
-        for name, (value, claimed) in numbers.items():
+        for name, value, claimed in zip(AMOUNTS, numbers, (step.duration, step.cost), strict=True):
             if value < 0:
-                self._report("K501", f"{said}: its {name} is {value}")
+                self._report("K501", f"step {step.id} {step.operator}: its {name} is {value}")
                 return False
             if value != claimed:
-                self._report("K508", f"{said} has the {name} {value}, not {claimed}")
-        self.amounts[step.id] = (numbers["duration"][0], numbers["cost"][0])
-        if set(expected) - set(step.resources):
-            self._report("K501", f"{said} must hold {_listed(expected)}")
+                self._report("K508", f"step {step.id} {step.operator} has the {name} {value}, not {claimed}")
+        self.amounts[step.id] = numbers[0], numbers[1]
+        if not set(held) <= set(step.resources):
+            self._report("K501", f"step {step.id} {step.operator} must hold {_listed(held)}")
             return False
         return True
 
@@ -188,6 +184,13 @@ class _Check:
             own = [evaluate(substitute(resource, each.bindings)) for resource in each.operator.resources]
             if more := [resource for resource in each.step.resources if resource not in own]:
                 yield f"step {each.step.id} {each.step.operator} holds no {_listed(more)}"
+
+    def _unmet(self, step: Step, operator: Operator, bindings: Substitution, facts: Facts) -> str | None:
+        """The first part of a step's precondition that does not hold, written with its values."""
+        needs = self.semantics.needs(step.operator, operator, bindings)
+        if needs is None:
+            return next(iter(self._failed(operator.precondition, facts, bindings)), None)
+        return next((str(each) for each in needs if (each.atom in facts) != each.positive), None)
 
     def _failed(self, condition: Condition, facts: Facts, bindings: Substitution) -> Iterator[str]:
         """The conjuncts that do not hold, written with their values."""

@@ -10,29 +10,46 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from engine.stages.validation.changes import Denial, State, StepChange, well_typed
+from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import Bindings, bound, solve
+from engine.stages.validation.deductions import Deductions, remembered
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.evaluated import Evaluated
 from engine.stages.validation.facts import Deduced, Facts
+from engine.stages.validation.instances import (
+    Demands,
+    Effects,
+    Fired,
+    demands_of,
+    effects_of,
+    needed,
+    unconditional,
+)
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import guard
 from kb.graphs import components, reached
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts
 from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter, literals
-from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator, Rule
+from kb.model.domain import Effect, Kind, Operator, Rule
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, Variable, match, substitute_atom, variables
+from kb.terms import Atom, Function, Term, substitute_atom
 
 
 @dataclass
 class Semantics:
-    """The static facts of a problem, evaluated once by clingo, and the meaning of its operators over them."""
+    """The static facts of a problem, evaluated once by clingo, and the meaning of its operators over them.
+
+    What static facts alone decide is remembered: whether steps exist, and what follows from an atom.
+    """
 
     problem: Problem
     _where: dict[Body, Body] = field(default_factory=dict)
     _start: State | None = None
+    _bound: dict[Function, tuple[Operator, Bindings] | str] = field(default_factory=dict)
+    _demands: dict[Function, Demands] = field(default_factory=dict)
+    _needs: dict[Function, tuple[Literal, ...] | None] = field(default_factory=dict)
+    _changes: dict[Function, Effects] = field(default_factory=dict)
 
     def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
         """The semantics of another problem with the same domain, objects and static facts; None if they
@@ -51,17 +68,15 @@ class Semantics:
         )
         if not same:
             return None
+        _ = self.statics, self.amounts, self._derivation, self._deductions  # made once for all these problems
         shared = copy.copy(self)
-        shared.problem, shared.statics, shared._start = problem, self.statics, state
+        shared.problem, shared._start = problem, state
         return shared
 
     def __post_init__(self) -> None:
         domain = self.problem.domain
         self.operators = {each.name: each for each in domain.operators}
         self._kinds = {name: predicate.kind for name, predicate in domain.predicates.items()}
-        self._triggers: dict[tuple[str, bool], list[DeductiveOperator]] = defaultdict(list)
-        for deductive in domain.deductive_operators:
-            self._triggers[(deductive.trigger.atom.name, deductive.trigger.positive)].append(deductive)
         self._rules: dict[str, list[Rule]] = defaultdict(list)
         for rule in domain.rules:
             self._rules[rule.head.name].append(rule)
@@ -120,6 +135,11 @@ class Semantics:
         lower = Deduced(certain, self.statics, self._rules, complete)
         upper = Deduced(possible, self.statics, self._rules, complete)
         return lower, upper
+
+    @cached_property
+    def _deductions(self) -> Deductions:
+        statics = self.statics  # evaluates bodies with aggregates, too
+        return Deductions(self.problem.domain.deductive_operators, statics, self._where)
 
     @cached_property
     def _derivation(self) -> Derivation:
@@ -185,8 +205,13 @@ class Semantics:
         found = {substitute_atom(atom, bindings) for bindings in solve((*typed, *body), self.statics, {})}
         return sorted(found, key=str)
 
-    def binding(self, step: Function) -> tuple[Operator, dict[Variable, Term]] | str:
+    def binding(self, step: Function) -> tuple[Operator, Bindings] | str:
         """The operator of a step and the values of its parameters; a text with the reason if there are none."""
+        if step not in self._bound:
+            remembered(self._bound, step, self._binding(step))
+        return self._bound[step]
+
+    def _binding(self, step: Function) -> tuple[Operator, Bindings] | str:
         operator = self.operators.get(step.name)
         if operator is None or len(operator.parameters) != len(step.arguments):
             return f"there is no operator {step.name}/{len(step.arguments)}"
@@ -198,25 +223,39 @@ class Semantics:
             return f"its constraints do not hold: {', '.join(map(str, operator.body))}"
         return operator, bindings
 
+    def demands(self, step: Function, operator: Operator, bindings: Bindings) -> Demands:
+        """What a step holds, how long it lasts and what it costs. Raises `NoAmount`."""
+        if step not in self._demands:
+            remembered(self._demands, step, demands_of(operator, bindings, self.amounts))
+        return self._demands[step]
+
+    def needs(self, step: Function, operator: Operator, bindings: Bindings) -> tuple[Literal, ...] | None:
+        """The precondition of a step as ground literals; None if it is something else."""
+        if step not in self._needs:
+            remembered(self._needs, step, needed(operator.precondition, bindings))
+        return self._needs[step]
+
     def change(
         self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts
     ) -> StepChange:
         """What a step does in a state; `facts` is the state with its derived atoms."""
-        added: list[Atom] = []
-        explicit: list[Atom] = []
-        events: list[Atom] = []
+        made = self._effects(operator, bindings, facts)
+        return replace(self.deduce(made.added, made.denials, state), events=made.events)
+
+    def _effects(self, operator: Operator, bindings: Bindings, facts: Facts) -> Effects:
+        key = Function(operator.name, tuple([bindings[each] for each in operator.variables]))
+        made = self._changes.get(key)
+        if made is None:
+            made = effects_of(self._fired(operator, bindings, facts), self._kinds)
+            if unconditional(operator):
+                remembered(self._changes, key, made)
+        return made
+
+    def _fired(self, operator: Operator, bindings: Bindings, facts: Facts) -> Iterator[Fired]:
         for effect in operator.effects:
+            once = bool(effect.parameters) or effect.condition != TRUE
             for found in self._fires(effect, bindings, facts):
-                atom = substitute_atom(effect.atom, found)
-                if self._kinds.get(atom.name) is Kind.EVENT:
-                    if atom not in events or not (effect.parameters or effect.condition != TRUE):
-                        events.append(atom)
-                elif effect.adds:
-                    added.append(atom)
-                else:
-                    explicit.append(atom)
-        ends = tuple(Denial(atom, deduced=False) for atom in explicit if atom not in added)
-        return replace(self.deduce(added, ends, state), events=tuple(events))
+                yield substitute_atom(effect.atom, found), effect.adds, once
 
     def _fires(self, effect: Effect, bindings: Bindings, facts: Facts) -> Iterator[Bindings]:
         if effect.condition == TRUE and not effect.parameters:
@@ -241,48 +280,20 @@ class Semantics:
                 atom = waiting.pop()
                 if atom not in adds:
                     adds[atom] = None
-                    self._consequences(atom, True, waiting, fresh)
+                    following = self._deductions.of(atom, True)
+                    waiting += following.added
+                    fresh += following.denied
                 continue
             denial = fresh.pop()
             denials.append(denial)
             for atom in denial.among(current, self.statics):
                 if atom not in ended:
                     ended[atom] = None
-                    if self._consequences(atom, False, waiting, fresh):
+                    if following := self._deductions.of(atom, False):
                         triggered.append(atom)
+                        waiting += following.added
+                        fresh += following.denied
         deduced = [denial for denial in denials if denial.deduced]
         contradiction = next((a for a in adds if any(d.matches(a, self.statics) for d in deduced)), None)
         ends = frozenset(atom for atom in ended if atom not in adds)
         return StepChange(frozenset(adds), ends, tuple(denials), frozenset(triggered), contradiction)
-
-    def _consequences(self, atom: Atom, positive: bool, waiting: list[Atom], fresh: list[Denial]) -> bool:
-        found = False
-        for deductive in self._triggers.get((atom.name, positive), ()):
-            bindings = match(deductive.trigger.atom, atom, {})
-            if bindings is None:
-                continue
-            for consequence in deductive.consequences:
-                body = self.body((*deductive.body, *consequence.body))
-                if consequence.implied:
-                    found |= self._imply(consequence, body, bindings, waiting)
-                elif well_typed(consequence, bindings, self.statics):
-                    fresh.append(Denial(consequence.atom, body, tuple(bindings.items()), consequence))
-                    found = True
-        return found
-
-    def _imply(self, consequence: Consequence, body: Body, bindings: Bindings, waiting: list[Atom]) -> bool:
-        typed = tuple(
-            Literal(Function(p.type, (p.variable,)))
-            for p in consequence.parameters
-            if p.variable in _open(consequence, bindings)
-        )
-        found = False
-        for each in solve((*typed, *body), self.statics, bindings):
-            if well_typed(consequence, each, self.statics):
-                waiting.append(substitute_atom(consequence.atom, each))
-                found = True
-        return found
-
-
-def _open(consequence: Consequence, bindings: Bindings) -> set[Variable]:
-    return {variable for variable in variables(consequence.atom) if variable not in bindings}

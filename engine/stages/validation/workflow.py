@@ -61,6 +61,9 @@ class ChainProgress:
 
         Returns the event that no chain expects now, or the stage that is reached before its turn, if there is one.
         """
+        if not self.chains and not events:
+            self.state = state
+            return None
         moved: dict[Counters, Trail] = {}
         early: Atom | None = None
         for reading, trail in self.readings.items():

@@ -5,7 +5,7 @@ requirement once for all these MACROPs. If the query does not meet it, the set i
 (inverted files; Zobel and Moffat 2006). Only the MACROPs that remain are read and matched.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -35,11 +35,6 @@ class Entry:
     def cost(self) -> int | None:
         """What every instance costs; None if that depends on the binding."""
         return None if self.rank[0] == UNKNOWN_COST else self.rank[0]
-
-    @property
-    def is_read(self) -> bool:
-        """Whether its MACROP was read."""
-        return "macrop" in vars(self)
 
     @cached_property
     def macrop(self) -> Macrop | None:
@@ -137,11 +132,6 @@ class Index:
         if found is not None:
             shelf, place = found
             shelf.remove(place)
-
-    def entries(self) -> Iterator[Entry]:
-        """All entries, in the order in which they were added to the MACROPs of the same goals."""
-        for shelf in self._shelves.values():
-            yield from (entry for entry in shelf.entries if entry is not None)
 
     def candidates(self, asked: Query) -> list[Entry]:
         """The MACROPs for the query's goals that have all requirements met, the cheapest first."""

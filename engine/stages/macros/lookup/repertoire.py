@@ -39,10 +39,13 @@ class Repertoire:
         self._index = Index()
         self._seen: dict[str, int] = {}
         self._fresh: dict[int, bool] = {}
+        self._unread: dict[int, Entry] = {}
         self._ahead: dict[int, Macrop] = {}
         self._uses: dict[int, Use] = {}
         self._noted = 0
         self._since = clock()
+        self.newest = 0
+        """The greatest number of a MACROP that was fetched or learned."""
 
     def __len__(self) -> int:
         return len(self._index)
@@ -56,7 +59,7 @@ class Repertoire:
     @property
     def read(self) -> int:
         """How many MACROPs are in memory, not their outlines alone."""
-        return sum(entry.is_read for entry in self._index.entries())
+        return len(self._index) - len(self._unread)
 
     def load(self) -> None:
         """Fetch the MACROPs of all signatures now."""
@@ -69,10 +72,9 @@ class Repertoire:
 
         For programs that look up for a long time, before somebody waits for them: their lookups ask the library less often.
         """
-        first = list(itertools.islice((entry for entry in self._index.entries() if not entry.is_read), most))
-        numbers = [number for entry in first if isinstance(number := entry.key, int)]
-        self._ahead = {each.id: each.macrop for each in self.library.among(numbers)}
-        for entry in first:
+        first = dict(itertools.islice(self._unread.items(), most))
+        self._ahead = {each.id: each.macrop for each in self.library.among(first)}
+        for entry in first.values():
             if entry.program is not None:
                 entry.program.prepare()
         self._ahead.clear()
@@ -121,6 +123,7 @@ class Repertoire:
         (number,) = self.library.add([record])
         if number is not None:
             self._index.add(number, macrop)
+            self.newest = max(self.newest, number)
         else:
             self._seen[signature] = 0  # another process was quicker: fetch its MACROPs
         return number
@@ -134,6 +137,7 @@ class Repertoire:
         gone = list(numbers)
         for number in gone:
             self._index.remove(number)
+            self._unread.pop(number, None)
         return self.library.forget(gone)
 
     def flush(self) -> None:
@@ -174,10 +178,12 @@ class Repertoire:
             self._fresh[each.proof] = self._digests.fresh(each.depends)
         if each.id not in self._index and pays(each) and self._fresh[each.proof]:
             order = rank(each.id, each.name, each.cost, each.steps)
-            entry = Entry(each.id, order, partial(self._macrop, each.id))
+            entry = self._unread[each.id] = Entry(each.id, order, partial(self._macrop, each.id))
             self._index.put(each.signature, entry, each.requirements or ())
+            self.newest = max(self.newest, each.id)
 
     def _macrop(self, number: int) -> Macrop | None:
+        self._unread.pop(number, None)
         return self._ahead.pop(number, None) or self.library.macrop(number)
 
     def _note(self, key: Hashable, times: int) -> None:

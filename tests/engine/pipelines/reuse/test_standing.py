@@ -13,7 +13,9 @@ from engine.pipelines.objective import Order
 from engine.pipelines.recall import planned
 from engine.pipelines.reuse import standing as module
 from engine.pipelines.reuse.standing import close_standing, standing
+from engine.stages.macros.lifted import world
 from engine.stages.planning import Limits
+from engine.stages.validation import semantics
 from kb.diagnostics import InvalidInput
 from kb.loader import load, with_goals
 from kb.model.problem import Problem
@@ -95,14 +97,70 @@ def test_what_others_have_removed_is_not_found(problem: Problem, tmp_path: Path)
     assert origin(problem, store) == "library"
 
 
-def test_what_is_removed_during_a_turn_is_not_kept(problem: Problem, tmp_path: Path) -> None:
+def test_what_is_removed_during_a_turn_is_missed_by_the_next(problem: Problem, tmp_path: Path) -> None:
     store = str(tmp_path / "library.db")
     for _ in range(2):
         origin(problem, store)
     with standing(store, problem.domain, Limits()) as practice, Library(store) as other:
         practice.plan(problem)
         other.forget([each.id for each in other.all()])
-    assert (kept(), origin(problem, store)) == (0, "planner")
+    assert origin(problem, store) == "planner"
+
+
+def test_what_is_learned_in_a_turn_and_removed_after_it_is_missed(problem: Problem, tmp_path: Path) -> None:
+    store = str(tmp_path / "library.db")
+    other = with_goals(problem.domain, "measured(_, _, meas(m3)), measured(_, _, meas(m2))", problem)
+    assert [origin(each, store) for each in (problem, problem, other, other)] == ["planner", "library"] * 2
+    with Library(store) as library:
+        library.forget([max(each.id for each in library.all())])
+    assert [origin(each, store) for each in (other, problem)] == ["planner", "library"]
+
+
+def test_a_turn_asks_once_whether_all_is_still_there(
+    problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, asked = str(tmp_path / "library.db"), []
+    for _ in range(2):
+        origin(problem, store)
+    whole = Library.holdings
+    monkeypatch.setattr(Library, "holdings", lambda *own: asked.append(own[1:]) or whole(*own))
+    assert origin(problem, store) == "library"
+    assert len(asked) == 1
+
+
+def test_the_facts_of_a_cell_are_evaluated_once(
+    problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = str(tmp_path / "library.db")
+    for _ in range(2):
+        origin(problem, store)
+    for each in (world, semantics):
+        monkeypatch.delattr(each, "evaluated")
+    other = with_goals(problem.domain, "measured(_, _, meas(m3))", problem)
+    assert [origin(each, store) for each in (problem, other)] == ["library"] * 2
+
+
+def test_another_version_of_the_file_of_the_cell_is_evaluated_anew(
+    problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, seen = str(tmp_path / "library.db"), []
+    for size in (1, 1, 1, 2):
+        monkeypatch.setattr(module, "version_of_cell", lambda _, size=size: (tmp_path / "cell.yaml", 0, size))
+        origin(problem, store)
+        seen += [each.cells for each in module._KEPT.standing]
+    assert seen[0] is seen[1]
+    assert seen[2] is not seen[1]
+
+
+def test_who_comes_next_waits_for_no_search_for_cycles(problem: Problem, tmp_path: Path) -> None:
+    store, before = str(tmp_path / "library.db"), gc.get_threshold()
+    gc.set_threshold(1_000_000)
+    try:
+        for _ in range(2):
+            origin(problem, store)
+        assert gc.get_count()[0] < 1_000  # objects that the next search has to go through
+    finally:
+        gc.set_threshold(*before)
 
 
 def test_a_number_that_another_macrop_got_is_not_taken_for_the_first(
@@ -169,7 +227,7 @@ def test_a_large_library_and_one_that_is_much_read_do_not_stay(
     assert [(origin(problem, store), kept()) for _ in range(2)] == [("planner", 0), ("library", 0)]
     monkeypatch.setattr(module, "LARGEST", 1)
     monkeypatch.setattr(module, "AHEAD", 0)
-    assert [(origin(problem, store), kept()) for _ in range(2)] == [("library", 0), ("library", 0)]
+    assert [(origin(problem, store), kept()) for _ in range(2)] == [("library", 1), ("library", 0)]
 
 
 def test_a_forked_process_uses_no_connection_of_its_parent(problem: Problem, tmp_path: Path) -> None:

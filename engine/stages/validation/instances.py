@@ -1,0 +1,69 @@
+"""What a step is before any state is known: what it needs, holds, takes and changes, as far as its operator alone tells."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from engine.stages.validation.changes import Denial
+from engine.stages.validation.datalog import Bindings
+from kb.arithmetic import evaluate
+from kb.model.amounts import Amounts
+from kb.model.conditions import TRUE, And, Condition, Literal
+from kb.model.domain import Kind, Operator
+from kb.terms import Atom, Term, is_ground, substitute, substitute_atom
+
+Fired = tuple[Atom, bool, bool]
+"""An atom that an effect names, whether it is added, and whether as an event it comes but once."""
+
+
+class Demands(NamedTuple):
+    """What a step holds (None for what has no value), how long it lasts, and what it costs."""
+
+    resources: tuple[Term | None, ...]
+    duration: int
+    cost: int
+
+
+class Effects(NamedTuple):
+    """The effects of a step, in their order: atoms that it adds, those that it denies by itself, and its events."""
+
+    added: tuple[Atom, ...]
+    denials: tuple[Denial, ...]
+    events: tuple[Atom, ...]
+
+
+def needed(condition: Condition, bindings: Bindings) -> tuple[Literal, ...] | None:
+    """A condition as ground literals, all of which must hold; None if it is something else."""
+    parts = condition.parts if isinstance(condition, And) else (condition,)
+    found = [
+        Literal(substitute_atom(part.atom, bindings), part.positive)
+        for part in parts
+        if isinstance(part, Literal)
+    ]
+    ground = len(found) == len(parts) and all(is_ground(each.atom) for each in found)
+    return tuple(found) if ground else None
+
+
+def unconditional(operator: Operator) -> bool:
+    """Whether the effects of an operator are the same in all states."""
+    return all(each.condition == TRUE and not each.parameters for each in operator.effects)
+
+
+def demands_of(operator: Operator, bindings: Bindings, amounts: Amounts) -> Demands:
+    """The demands of a step. Raises `NoAmount`."""
+    held = tuple([evaluate(substitute(each, bindings)) for each in operator.resources])
+    return Demands(held, amounts.lasting(operator, bindings), amounts.of(operator.cost, bindings, 1))
+
+
+def effects_of(fired: Iterable[Fired], kinds: Mapping[str, Kind]) -> Effects:
+    """Effects from atoms in the order in which they are named."""
+    added: list[Atom] = []
+    explicit: list[Atom] = []
+    events: list[Atom] = []
+    for atom, adds, once in fired:
+        if kinds.get(atom.name) is Kind.EVENT:
+            if atom not in events or not once:
+                events.append(atom)
+        else:
+            (added if adds else explicit).append(atom)
+    denials = tuple(Denial(atom, deduced=False) for atom in explicit if atom not in added)
+    return Effects(tuple(added), denials, tuple(events))
