@@ -6,8 +6,9 @@ Static rules are evaluated exactly; only what changes is relaxed.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+from engine.pipelines.explanation.measures import changes, measured, starts, tests_in
 from engine.stages.grounding.aggregates import expanded
-from engine.stages.grounding.numeric import without_quantities
+from engine.stages.grounding.numeric import Quantities, without_quantities
 from engine.stages.grounding.program import (
     Conditional,
     Schema,
@@ -18,18 +19,19 @@ from engine.stages.grounding.program import (
     derived_rule,
     effect_rules,
     instance,
-    instance_rule,
+    instance_atom,
+    instance_body,
     is_conditional,
     reachable,
     rule,
     schemas,
 )
 from kb.asp.vocabulary import guard
-from kb.model.conditions import Body, goal_parts
+from kb.model.conditions import Body, Literal, goal_parts
 from kb.model.domain import Domain
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, parts_of
+from kb.terms import Atom, Function, Number, parts_of
 
 MISSED = "_missed"
 LOOSENED = "_loosened"
@@ -38,38 +40,46 @@ LOOSENED = "_loosened"
 def relaxed_rules(problem: Problem) -> str:
     """Everything but the static program and the initial state. `_missed(n)` says that goal n is out of reach.
 
-    With `_loosened`, all defaults apply, whatever denies them. Comparisons of quantities are taken to be true.
+    With `_loosened`, all defaults apply, whatever denies them. Comparisons of quantities hold as `measures` says; as conditions
+    of effects they are taken to be true.
     """
     taken = without_quantities(problem)
     problem, normaliser = taken.problem, Normaliser()
     vocabulary = Vocabulary(problem.domain)
-    made = [
-        replace(each, static=taken.without_tests(each.static))
-        for each in schemas(problem.domain, normaliser, vocabulary)
-    ]
+    tested = list(schemas(problem.domain, normaliser, vocabulary))
+    made = [replace(each, static=taken.without_tests(each.static)) for each in tested]
     effects = [
         replace(each, static=taken.without_tests(each.static))
         for each in conditionals(problem.domain, normaliser, vocabulary)
     ]
     parts = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
-    goals = [[taken.without_tests(body) for body in part] for part in parts]
     plain = expanded(problem.domain.rules, problem.domain, Vocabulary(problem.domain).is_dynamic)
     derived = (*plain.rules, *plain.reach, *normaliser.rules)
     vocabulary = Vocabulary(problem.domain, derived)
     lines: list[str] = []
-    for schema in made:
+    for schema, whole in zip(made, tested, strict=True):
         lines += [
-            instance_rule(schema, vocabulary),
+            *_instances(schema, tests_in(whole.static, taken), vocabulary, taken),
             *effect_rules(schema, vocabulary),
             *_events(schema, vocabulary),
         ]
     lines += _under_conditions(made, effects, vocabulary)
     lines += [derived_rule(each, vocabulary) for each in derived]
     lines += [line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)]
-    lines += _goals(goals, vocabulary)
+    lines += _goals(parts, vocabulary, taken)
     lines += [f"#defined {LOOSENED}/0.", f"#defined {MISSED}/1.", "#defined _goal/1."]
-    lines += _stages(problem, vocabulary, len(goals))
+    lines += starts(taken)
+    lines += _stages(problem, vocabulary, len(parts))
     return "\n".join([*lines, *_defaults(problem), *_declared(problem.domain, vocabulary)])
+
+
+def _instances(
+    schema: Schema, tests: Sequence[Literal], vocabulary: Vocabulary, taken: Quantities
+) -> Iterator[str]:
+    """When an instance of a schema is within reach, and which quantities it changes."""
+    body = instance_body(schema, vocabulary)
+    yield from measured(f"o_{schema.number}", instance_atom(schema), body, tests, taken)
+    yield from changes(instance_atom(schema), taken.settings.get(schema.operator.name, ()))
 
 
 def _under_conditions(
@@ -84,13 +94,14 @@ def _under_conditions(
                 yield rule(head, conditional_body(each, schema))
 
 
-def _goals(goals: Iterable[Iterable[Body]], vocabulary: Vocabulary) -> Iterator[str]:
+def _goals(goals: Iterable[Iterable[Body]], vocabulary: Vocabulary, taken: Quantities) -> Iterator[str]:
     """When each goal, a disjunction of bodies, is within reach."""
     for number, alternatives in enumerate(goals):
-        for disjunct in alternatives:
-            literals, static = vocabulary.split(disjunct)
+        for place, disjunct in enumerate(alternatives):
+            literals, static = vocabulary.split(taken.without_tests(disjunct))
             body = [*(reachable(each.atom) for each in literals if each.positive), *map(str, static)]
-            yield rule(f"_goal({number})", body)
+            head = Function("_goal", (Number(number),))
+            yield from measured(f"g_{number}_{place}", head, body, tests_in(disjunct, taken), taken)
         yield f"{MISSED}({number}) :- not _goal({number})."
 
 

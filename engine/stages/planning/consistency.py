@@ -11,7 +11,7 @@ from dataclasses import replace
 import clingo
 
 from engine.model.axioms import Axioms
-from engine.model.quantities import OPPOSITE, Comparing
+from engine.model.quantities import OPPOSITE, Comparing, Level
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 
@@ -47,7 +47,7 @@ def _possible(task: Task, axioms: Axioms, effort: Effort) -> Task | None:
     """The task without operators, effects and goals that no state allows; None if there is nothing to ask, or too much."""
     questions = sum(_asks(operator, axioms) for operator in task.operators)
     size = sum(rule.body.bit_count() for rule in axioms.rules) + sum(map(int.bit_count, task.mutex_groups))
-    size += sum(_width(each) or 0 for each in axioms.tests)
+    size += sum(_width(each, task) or 0 for each in axioms.tests)
     if not 0 < questions <= MOST or size > LARGEST:
         return None
     states = _States(task, axioms)
@@ -100,21 +100,40 @@ def _program(task: Task, axioms: Axioms) -> Iterator[str]:
         yield f"a({complement}) :- not a({atom})."
         yield f":- a({complement}), a({atom})."
     for test in axioms.tests:
-        yield from _compared(test)
+        yield from _compared(test, task)
 
 
-def _compared(test: Comparing) -> Iterator[str]:
+def _compared(test: Comparing, task: Task) -> Iterator[str]:
     """A comparison, for every value that its quantities can have."""
-    if _width(test) is None:
+    if _width(test, task) is None:
         yield f"{{ a({test.atom}) }}."
         return
     for level, _ in test.sum.parts:
-        yield f"1 {{ v({level.number}, {level.low}..{level.high}) }} 1."
+        values = "; ".join(f"v({level.number}, {low}..{high})" for low, high in _values(level, task))
+        yield f"1 {{ {values} }} 1."
     parts = "; ".join(f"{factor}*V,{level.number} : v({level.number}, V)" for level, factor in test.sum.parts)
     yield f"a({test.atom}) :- not #sum {{ {parts} }} {OPPOSITE[test.relation]} {-test.sum.constant}."
 
 
-def _width(test: Comparing) -> int | None:
+def _width(test: Comparing, task: Task) -> int | None:
     """How many values its quantities have; None if they are too many."""
-    widths = [level.high - level.low for level, _ in test.sum.parts]
+    widths = [
+        sum(high - low + 1 for low, high in _values(level, task) if low <= high)
+        for level, _ in test.sum.parts
+    ]
     return sum(widths) if all(width <= WIDEST for width in widths) else None
+
+
+def _values(level: Level, task: Task) -> list[tuple[int, int]]:
+    """Intervals with every value that a quantity can have: the one at the start, what steps assign, and what they add up to."""
+    found, up, down = [(level.of(task.initial),) * 2], False, False
+    for each in (e for operator in task.operators for e in operator.changes if e.level is level):
+        if dict(each.to.parts).get(level) == 1:
+            low, high = each.to.without(level).range()
+            up, down = up or high > 0, down or low < 0
+        else:
+            found.append(each.to.range())
+    least, most = min(low for low, _ in found), max(high for _, high in found)
+    ends = level.low if down else least, level.high if up else most
+    inside = found if not (up or down) else [ends]
+    return sorted({(max(low, level.low), min(high, level.high)) for low, high in inside})
