@@ -61,10 +61,14 @@ def single_edits(space: Space) -> Iterator[Candidate]:
 
 
 def joint_edits(space: Space, size: int, limit: int) -> Iterator[Candidate]:
-    """Sets of `size` facts to add or remove, all of them needed for the relaxed task to reach all goals."""
+    """Sets of `size` facts to add or remove, all of them needed for the relaxed task to reach all goals.
+
+    Quantities are not among them: each has one value, so a value is never added.
+    """
     if not space.reachable:
         statics = tuple(each for each in space.statics if each[0] not in space.computed)
-        yield from _found(space, Opened(statics, fluents(space), replaced=False), size, limit)
+        plain = tuple(each for each in fluents(space) if each[0] not in space.problem.domain.quantities)
+        yield from _found(space, Opened(statics, plain, replaced=False), size, limit)
 
 
 def fluents(space: Space) -> tuple[Signature, ...]:

@@ -6,7 +6,17 @@ Static rules are evaluated exactly; only what changes is relaxed.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from engine.pipelines.explanation.measures import changes, measured, starts, tests_in
+from engine.pipelines.explanation.measures import (
+    Kept,
+    changes,
+    keeping,
+    kept,
+    measured,
+    moves,
+    possible,
+    starts,
+    tests_in,
+)
 from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.numeric import Quantities, without_quantities
 from engine.stages.grounding.program import (
@@ -57,9 +67,10 @@ def relaxed_rules(problem: Problem) -> str:
     derived = (*plain.rules, *plain.reach, *normaliser.rules)
     vocabulary = Vocabulary(problem.domain, derived)
     lines: list[str] = []
+    asked = list(kept((part[0] for part in parts if len(part) == 1), taken))
     for schema, whole in zip(made, tested, strict=True):
         lines += [
-            *_instances(schema, tests_in(whole.static, taken), vocabulary, taken),
+            *_instances(schema, tests_in(whole.static, taken), vocabulary, taken, asked),
             *effect_rules(schema, vocabulary),
             *_events(schema, vocabulary),
         ]
@@ -74,12 +85,19 @@ def relaxed_rules(problem: Problem) -> str:
 
 
 def _instances(
-    schema: Schema, tests: Sequence[Literal], vocabulary: Vocabulary, taken: Quantities
+    schema: Schema,
+    tests: Sequence[Literal],
+    vocabulary: Vocabulary,
+    taken: Quantities,
+    goals: Sequence[Kept],
 ) -> Iterator[str]:
-    """When an instance of a schema is within reach, and which quantities it changes."""
-    body = instance_body(schema, vocabulary)
-    yield from measured(f"o_{schema.number}", instance_atom(schema), body, tests, taken)
-    yield from changes(instance_atom(schema), taken.settings.get(schema.operator.name, ()))
+    """When an instance of a schema is within reach and does no harm, and which quantities it changes."""
+    body, head = instance_body(schema, vocabulary), instance_atom(schema)
+    settings = taken.settings.get(schema.operator.name, ())
+    needed = [*(possible(each, taken) for each in tests), *keeping(settings, goals)]
+    yield from measured(f"o_{schema.number}", head, body, needed, tuple(tests))
+    yield from changes(head, settings)
+    yield from moves(schema, settings, vocabulary)
 
 
 def _under_conditions(
@@ -101,7 +119,9 @@ def _goals(goals: Iterable[Iterable[Body]], vocabulary: Vocabulary, taken: Quant
             literals, static = vocabulary.split(taken.without_tests(disjunct))
             body = [*(reachable(each.atom) for each in literals if each.positive), *map(str, static)]
             head = Function("_goal", (Number(number),))
-            yield from measured(f"g_{number}_{place}", head, body, tests_in(disjunct, taken), taken)
+            tests = tests_in(disjunct, taken)
+            needed = [possible(each, taken) for each in tests]
+            yield from measured(f"g_{number}_{place}", head, body, needed, tuple(tests))
         yield f"{MISSED}({number}) :- not _goal({number})."
 
 

@@ -13,6 +13,7 @@ import clingo
 from engine.model.axioms import Axioms
 from engine.model.quantities import OPPOSITE, Comparing, Level
 from engine.model.task import Bits, GroundOperator, Task, indices
+from engine.stages.planning.counters import counters_stay_short
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 
 WIDEST = 2_000  # values of a quantity; what compares one with more values may be true and false
@@ -34,7 +35,10 @@ class Proof:
         possible = _possible(self.task, self.task.axioms, effort)
         if possible is None:
             return None
-        return NO_PLAN if not possible.goals or _out_of_reach(possible) else None
+        if not possible.goals or _out_of_reach(possible):
+            return NO_PLAN
+        states = "\n".join(_program(possible, self.task.axioms))
+        return NO_PLAN if counters_stay_short(possible, states) else None
 
 
 def _out_of_reach(task: Task) -> bool:
