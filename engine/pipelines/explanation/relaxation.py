@@ -25,6 +25,7 @@ from engine.stages.grounding.program import (
     Vocabulary,
     conditional_body,
     conditionals,
+    consequence_body,
     deduction_rules,
     derived_rule,
     effect_rules,
@@ -135,6 +136,15 @@ def new_defaults(problem: Problem, held: dict[int, Sequence[Atom]]) -> Iterator[
         yield from (f"{Function(name, atom.arguments)}." for atom in held[number])
         body = [*_body(problem, number), f"not {Function(name, default.atom.arguments)}"]
         yield rule(reachable(default.atom), body)
+
+
+def denials(problem: Problem) -> Iterator[str]:
+    """No given fact may deny another one. The given facts are `_now(F)`."""
+    for operator in problem.domain.deductive_operators:
+        for each in operator.consequences:
+            if operator.trigger.positive and not each.implied and not problem.complete:
+                both = [f"_now({operator.trigger.atom})", f"_now({each.atom})"]
+                yield f":- {', '.join([*both, *consequence_body(operator, each)])}."
 
 
 def default_rule(problem: Problem, number: int) -> str:
