@@ -29,6 +29,7 @@ from kb.terms import Function
 __all__ = ["changed", "explain"]
 
 TRIAL = 50_000  # expansions with one change, at most
+PART = 200_000  # expansions with a part of the goals, at most
 
 
 def explain(problem: Problem, limits: Limits = Limits()) -> Explanation:
@@ -106,9 +107,10 @@ class _Inquiry:
                 yield self._told(drop, outcome)
 
     def _planned(self, problem: Problem, limits: Limits | None = None) -> Outcome | None:
-        """The answer to a variant of the problem; None if the variant contradicts itself."""
+        """The answer to a variant of the problem, with a part of the goals if nothing else is said; None if it contradicts itself."""
+        part = replace(self.limits, expansions=min(self.limits.expansions, PART))
         try:
-            return planning.plan(problem, limits or self.limits)
+            return planning.plan(problem, limits or part)
         except InvalidInput:
             return None
 

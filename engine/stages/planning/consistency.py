@@ -8,13 +8,12 @@ if the goals are out of reach then though nothing is ever denied, there is no pl
 from collections.abc import Iterator
 from dataclasses import replace
 
-import clingo
-
 from engine.model.axioms import Axioms
 from engine.model.quantities import OPPOSITE, Comparing, Level
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.stages.planning.counters import counters_stay_short
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from kb.asp.questions import Questions
 
 WIDEST = 2_000  # values of a quantity; what compares one with more values may be true and false
 MOST = 3_000  # questions
@@ -81,16 +80,12 @@ class _States:
     """The states that mutex groups, definitions and ranges allow."""
 
     def __init__(self, task: Task, axioms: Axioms) -> None:
-        self.size = axioms.size
-        self.control = clingo.Control(["--warn=none", "--configuration=tweety"])
-        self.control.add("base", [], "\n".join(_program(task, axioms)))
-        self.control.ground([("base", [])])
+        self.known = (1 << axioms.size) - 1
+        self.questions = Questions("\n".join(_program(task, axioms)))
 
     def allow(self, atoms: Bits) -> bool:
-        """Whether some state has all of these atoms."""
-        wanted = atoms & (1 << self.size) - 1
-        literals = [(clingo.Function("a", [clingo.Number(atom)]), True) for atom in indices(wanted)]
-        return bool(self.control.solve(assumptions=literals).satisfiable)
+        """Whether some state has all of these atoms. Values of quantities are not looked at."""
+        return self.questions.allow(indices(atoms & self.known))
 
 
 def _program(task: Task, axioms: Axioms) -> Iterator[str]:

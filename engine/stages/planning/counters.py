@@ -7,9 +7,8 @@ definitions allow: four tubes of two weights are spun in pairs, and of three tub
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import clingo
-
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
+from kb.asp.models import models
 
 COUNTER = "_stage"
 MOST_SETS = 1_000  # sets of effects of one operator
@@ -48,18 +47,12 @@ def _moved(operator: GroundOperator) -> Bits:
 
 def _sets(operator: GroundOperator, states: str) -> Iterator[tuple[ConditionalEffect, ...]]:
     """The sets of effects that may happen together, and no others with them."""
-    control = clingo.Control(["--warn=none", f"--models={MOST_SETS + 1}", "--project=project"])
     lines = [f":- not a({atom})." for atom in indices(operator.preconditions)]
     for number, effect in enumerate(operator.conditional):
         lines.append(f"f({number}) :- {', '.join(f'a({atom})' for atom in indices(effect.condition))}.")
-    control.add(
-        "base", [], "\n".join([states, *lines, "#show f/1. #project f/1. #defined f/1. #defined a/1."])
-    )
-    control.ground([("base", [])])
-    with control.solve(yield_=True) as found:
-        for model in found:
-            numbers = sorted(each.arguments[0].number for each in model.symbols(shown=True))
-            yield tuple(operator.conditional[number] for number in numbers)
+    text = "\n".join([states, *lines, "#defined f/1. #defined a/1."])
+    for model in models(text, "f", "none", MOST_SETS + 1):
+        yield tuple(operator.conditional[number] for number in sorted(map(int, model.others)))
 
 
 def _projected(operator: GroundOperator, effects: tuple[ConditionalEffect, ...], counted: Bits) -> _Move:
