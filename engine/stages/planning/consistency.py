@@ -16,6 +16,7 @@ from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from kb.asp.questions import Questions
 
 WIDEST = 2_000  # values of a quantity; what compares one with more values may be true and false
+HUGE = 1 << 30  # numbers of the solver have 32 bits
 MOST = 3_000  # questions
 LARGEST = 100_000  # atoms in rules and mutex groups, and values in comparisons
 
@@ -115,12 +116,13 @@ def _compared(test: Comparing, task: Task) -> Iterator[str]:
 
 
 def _width(test: Comparing, task: Task) -> int | None:
-    """How many values its quantities have; None if they are too many."""
-    widths = [
-        sum(high - low + 1 for low, high in _values(level, task) if low <= high)
-        for level, _ in test.sum.parts
-    ]
-    return sum(widths) if all(width <= WIDEST for width in widths) else None
+    """How many values its quantities have; None if they are too many, or too large for the solver."""
+    widths, most = list[int](), abs(test.sum.constant)
+    for level, factor in test.sum.parts:
+        ends = [end for end in _values(level, task) if end[0] <= end[1]]
+        widths.append(sum(high - low + 1 for low, high in ends))
+        most += max((abs(factor * each) for end in ends for each in end), default=0)
+    return sum(widths) if most < HUGE and all(width <= WIDEST for width in widths) else None
 
 
 def _values(level: Level, task: Task) -> list[tuple[int, int]]:

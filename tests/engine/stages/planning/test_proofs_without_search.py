@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -21,6 +22,19 @@ from kb.loader import load_problem
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number
 
+HOARD = """
+domain: hoard
+quantities: {gold: 0..2147483647, silver: 0..2147483647}
+fluents:
+  shut: {}
+operators:
+  add:
+    preconditions: gold <= 2000000000
+    increase: {gold: 1}
+  close:
+    preconditions: gold + silver > 2000000001
+    adds: shut
+"""
 MANY = Effort(1 << 60)
 
 
@@ -97,6 +111,13 @@ def test_goals_that_no_values_of_quantities_allow_are_proved_to_exclude_each_oth
     outcome = planning.plan(planning.problem_of("centrifuge/four", goals=goals), Limits(doubtful=True))
     assert isinstance(outcome, Infeasible if proved else Found)
     assert outcome.statistics.counts["expanded"] == 0
+
+
+def test_numbers_that_are_too_large_for_the_solver_are_left_to_the_search(tmp_path: Path) -> None:
+    (tmp_path / "domain.yaml").write_text(HOARD)
+    problem = "problem: p\ndomain: hoard\ninitial: ['gold(2000000000), silver(2000000000)']\ngoals: [shut]\n"
+    (tmp_path / "p.yaml").write_text(problem)
+    assert Proof(ground(load_problem(str(tmp_path / "p.yaml")))).run(MANY) is None
 
 
 def test_an_effect_that_never_happens_is_left_out_and_one_that_may_stays() -> None:
