@@ -30,7 +30,7 @@ fluents:
 operators:
   add:
     preconditions: gold <= 2000000000
-    increase: {gold: 1}
+    assign: {gold: 2000000001}
   close:
     preconditions: gold + silver > 2000000001
     adds: shut
