@@ -99,20 +99,18 @@ def _program(task: Task, axioms: Axioms) -> Iterator[str]:
     for atom, complement in axioms.complements.items():
         yield f"a({complement}) :- not a({atom})."
         yield f":- a({complement}), a({atom})."
-    for test in axioms.tests:
-        yield from _compared(test, task)
-
-
-def _compared(test: Comparing, task: Task) -> Iterator[str]:
-    """A comparison, for every value that its quantities can have."""
-    if _width(test, task) is None:
-        yield f"{{ a({test.atom}) }}."
-        return
-    for level, _ in test.sum.parts:
+    bounded = [each for each in axioms.tests if _width(each, task) is not None]
+    for level in dict.fromkeys(level for test in bounded for level, _ in test.sum.parts):
         values = "; ".join(f"v({level.number}, {low}..{high})" for low, high in _values(level, task))
         yield f"1 {{ {values} }} 1."
+    for test in axioms.tests:
+        yield _compared(test) if test in bounded else f"{{ a({test.atom}) }}."
+
+
+def _compared(test: Comparing) -> str:
+    """A comparison, for every value that its quantities can have."""
     parts = "; ".join(f"{factor}*V,{level.number} : v({level.number}, V)" for level, factor in test.sum.parts)
-    yield f"a({test.atom}) :- not #sum {{ {parts} }} {OPPOSITE[test.relation]} {-test.sum.constant}."
+    return f"a({test.atom}) :- not #sum {{ {parts} }} {OPPOSITE[test.relation]} {-test.sum.constant}."
 
 
 def _width(test: Comparing, task: Task) -> int | None:
