@@ -1,22 +1,28 @@
 """Quantities: searches, which see comparisons only, against brute force over the checker's meaning of steps."""
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from engine.model.outcome import Found, Infeasible
 from engine.pipelines import planning
+from engine.pipelines.explanation import changed, explain
+from engine.pipelines.explanation.space import Space
+from engine.stages.grounding import ground
 from engine.stages.planning import Limits
+from engine.stages.planning.consistency import Proof
+from engine.stages.planning.effort import NO_PLAN, Effort
 from engine.stages.validation.datalog import holds
 from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import InvalidInput
 from kb.loader import load
 from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from kb.terms import Atom, Function, Number
 
 DOMAIN = """
 domain: jugs
@@ -117,6 +123,45 @@ def test_a_search_over_quantities_agrees_with_brute_force(case: tuple[str, str],
         problem = loaded(*case, folder)
         outcome = planning.plan(problem, Limits(strategy=strategy))
         assert isinstance(outcome, Found if reachable(problem) else Infeasible)
+
+
+@given(cases())
+@settings(max_examples=15, deadline=None)
+def test_what_is_proved_or_relaxed_over_quantities_agrees_with_brute_force(case: tuple[str, str]) -> None:
+    """No proof where there is a plan, and a relaxed task then reaches all goals."""
+    with TemporaryDirectory() as folder:
+        problem = loaded(*case, folder)
+        task, possible = ground(problem), reachable(problem)
+        proof = Proof(task).run(Effort(1 << 60))
+        relaxed = Space.of(problem, task.names(task.initial)).reachable
+        event(f"reachable: {possible}, proved: {proof is NO_PLAN}, relaxed: {relaxed}")
+        assert not possible or (proof is None and relaxed)
+
+
+@pytest.mark.slow
+@given(cases())
+@settings(max_examples=60, deadline=None)
+def test_a_value_at_the_start_that_would_help_is_found(case: tuple[str, str]) -> None:
+    with TemporaryDirectory() as folder:
+        problem = loaded(*case, folder)
+        if reachable(problem):
+            return
+        explanation = explain(problem)
+        values = [fact for fact in problem.initial if fact.name == "level"]
+        others = [
+            replace(problem, initial=(*(f for f in problem.initial if f != fact), _with(fact, value)))
+            for fact in values
+            for value in range(1 + (problem.domain.quantities["level"].high or 0))
+        ]
+        helping = any(map(reachable, others))
+        event(f"a value helps: {helping}")
+        assert not helping or [len(each.edits) for each in explanation.changes if each.edits][:1] == [1]
+        for change in (each for each in explanation.changes if each.edits):
+            assert reachable(changed(problem, change))
+
+
+def _with(fact: Atom, value: int) -> Atom:
+    return Function(fact.name, (*fact.arguments[:-1], Number(value)))
 
 
 FINE = DOMAIN.format(high=5, relation="<", bound=5, full=5, low=3)

@@ -29,6 +29,7 @@ from kb.terms import Function
 __all__ = ["changed", "explain"]
 
 TRIAL = 50_000  # expansions with one change, at most
+PART = 200_000  # expansions with a part of the goals, at most
 
 
 def explain(problem: Problem, limits: Limits = Limits()) -> Explanation:
@@ -53,7 +54,6 @@ class _Inquiry:
         """The culprits, then what would help."""
         goals = minimal_goals(self.problem, lambda each: isinstance(self._planned(each), Infeasible))
         initial = tuple(a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage"))
-        trial = replace(self.limits, expansions=min(self.limits.expansions, TRIAL))
         space = Space.of(self.problem, initial)
         barred = out_of_range(self.problem, goals[0]) if len(goals) == 1 else ()
         excluded = barred or tuple(
@@ -63,7 +63,7 @@ class _Inquiry:
             space,
             self.problem,
             tuple(map(str, goals)),
-            lambda each: self._planned(each, trial),
+            lambda each: self._planned(each, self._trial),
             self.limits.interrupted,
         )
         asked = () if barred else (*companions(self.problem, goals, advice.planned), *advice.smallest())
@@ -81,14 +81,21 @@ class _Inquiry:
             lacking,
         )
 
+    @property
+    def _trial(self) -> Limits:
+        """What may be done for one change. Few changes help."""
+        return replace(self.limits, expansions=min(self.limits.expansions, TRIAL), doubtful=True)
+
     def _exclusions(self, goals: Sequence[Goal], space: Space) -> Iterator[str]:
         """What is never true at once: two goals, or needs of the step that would reach the only one."""
         if len(goals) > 1:
             yield from exclusions(self.problem, goals)
         elif space.reachable:
-            trial = replace(self.limits, expansions=min(self.limits.expansions, TRIAL))
             yield from conflicts(
-                self.problem, goals[0], space, lambda each: isinstance(self._planned(each, trial), Infeasible)
+                self.problem,
+                goals[0],
+                space,
+                lambda each: isinstance(self._planned(each, self._trial), Infeasible),
             )
 
     def _drops(self, goals: Sequence[Goal]) -> Iterator[Amendment]:
@@ -100,9 +107,10 @@ class _Inquiry:
                 yield self._told(drop, outcome)
 
     def _planned(self, problem: Problem, limits: Limits | None = None) -> Outcome | None:
-        """The answer to a variant of the problem; None if the variant contradicts itself."""
+        """The answer to a variant of the problem, with a part of the goals if nothing else is said; None if it contradicts itself."""
+        part = replace(self.limits, expansions=min(self.limits.expansions, PART))
         try:
-            return planning.plan(problem, limits or self.limits)
+            return planning.plan(problem, limits or part)
         except InvalidInput:
             return None
 

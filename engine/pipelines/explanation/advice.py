@@ -160,6 +160,7 @@ class Advice:
             -len(words & said),
             str(family(edit)),
             self._distance(edit),
+            any(number < 0 for number in _numbers(edit.fact)),
             str(edit),
         )
 

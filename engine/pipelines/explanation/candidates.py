@@ -11,7 +11,7 @@ from math import prod
 from engine.model.explanation import Edit
 from engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, subterms
 from engine.pipelines.explanation.bearing import Bearing
-from engine.pipelines.explanation.relaxation import LOOSENED, MISSED, new_defaults, relaxed_rules
+from engine.pipelines.explanation.relaxation import LOOSENED, MISSED, denials, new_defaults, relaxed_rules
 from engine.pipelines.explanation.space import Space
 from engine.stages.grounding.program import reachable
 from kb.asp.models import models
@@ -61,10 +61,14 @@ def single_edits(space: Space) -> Iterator[Candidate]:
 
 
 def joint_edits(space: Space, size: int, limit: int) -> Iterator[Candidate]:
-    """Sets of `size` facts to add or remove, all of them needed for the relaxed task to reach all goals."""
+    """Sets of `size` facts to add or remove, all of them needed for the relaxed task to reach all goals.
+
+    Quantities are not among them: each has one value, so a value is never added.
+    """
     if not space.reachable:
         statics = tuple(each for each in space.statics if each[0] not in space.computed)
-        yield from _found(space, Opened(statics, fluents(space), replaced=False), size, limit)
+        plain = tuple(each for each in fluents(space) if each[0] not in space.problem.domain.quantities)
+        yield from _found(space, Opened(statics, plain, replaced=False), size, limit)
 
 
 def fluents(space: Space) -> tuple[Signature, ...]:
@@ -119,7 +123,7 @@ class _Choices:
             kept = tuple(fact for fact in problem.statics if fact.name not in hidden)
             problem = replace(problem, statics=kept)
         yield static_program(problem)
-        yield from (f"{reachable(atom)}." for atom in self.space.initial)
+        yield from map(self._starting, self.space.initial)
         yield relaxed_rules(self.problem)
         yield from new_defaults(self.problem, self._defaults())
         yield from (self._given(fact) for fact in self.problem.statics if fact.name in hidden)
@@ -134,6 +138,7 @@ class _Choices:
         for signature in opened.fluents:
             held = [fact.arguments for fact in self.space.initial if _signature(fact) == signature]
             yield from self._facts(signature, self.problem.initial, held, "_r_")
+            yield from self._given_now()
         if opened.objects:
             yield from self._objects()
         if not opened.fluents:
@@ -147,6 +152,17 @@ class _Choices:
             ]
             for number, each in enumerate(self.problem.domain.defaults)
         }
+
+    def _starting(self, atom: Atom) -> str:
+        """A fact of the initial state. That it may be gone matters to quantities alone: nothing else is ever denied."""
+        measured = atom.name in self.problem.domain.quantities
+        return f"{reachable(atom)}{f' :- not _gone({atom})' if measured else ''}."
+
+    def _given_now(self) -> Iterator[str]:
+        """What is given with an edit of the initial state does not contradict itself."""
+        yield from (f"_now({fact}) :- not _gone({fact})." for fact in self.problem.initial)
+        yield "_now(F) :- _assumed(add(F)). _now(F) :- _assumed(change(_, F)). #defined _now/1."
+        yield from denials(self.problem)
 
     def _given(self, fact: Atom) -> str:
         """A static fact that may be gone, itself or with an object that it mentions."""
@@ -173,7 +189,10 @@ class _Choices:
         yield from (f"{given}({fact})." for fact in own)
         yield from (f"{known}({Function(name, row)})." for row in held)
         ways = prod(map(len, values))
-        if ways <= MAX_CHOICES:
+        valued = (
+            name in self.problem.domain.quantities and own
+        )  # then another value takes the place of the one that it has
+        if ways <= MAX_CHOICES and not valued:
             self.count += ways
             body = [
                 *(f"{domain}({place}, {each})" for place, each in enumerate(variables)),

@@ -6,30 +6,43 @@ Static rules are evaluated exactly; only what changes is relaxed.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+from engine.pipelines.explanation.measures import (
+    Kept,
+    changes,
+    keeping,
+    kept,
+    measured,
+    moves,
+    possible,
+    starts,
+    tests_in,
+)
 from engine.stages.grounding.aggregates import expanded
-from engine.stages.grounding.numeric import without_quantities
+from engine.stages.grounding.numeric import Quantities, without_quantities
 from engine.stages.grounding.program import (
     Conditional,
     Schema,
     Vocabulary,
     conditional_body,
     conditionals,
+    consequence_body,
     deduction_rules,
     derived_rule,
     effect_rules,
     instance,
-    instance_rule,
+    instance_atom,
+    instance_body,
     is_conditional,
     reachable,
     rule,
     schemas,
 )
 from kb.asp.vocabulary import guard
-from kb.model.conditions import Body, goal_parts
+from kb.model.conditions import Body, Literal, goal_parts
 from kb.model.domain import Domain
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, parts_of
+from kb.terms import Atom, Function, Number, parts_of
 
 MISSED = "_missed"
 LOOSENED = "_loosened"
@@ -38,38 +51,54 @@ LOOSENED = "_loosened"
 def relaxed_rules(problem: Problem) -> str:
     """Everything but the static program and the initial state. `_missed(n)` says that goal n is out of reach.
 
-    With `_loosened`, all defaults apply, whatever denies them. Comparisons of quantities are taken to be true.
+    With `_loosened`, all defaults apply, whatever denies them. Comparisons of quantities hold as `measures` says; as conditions
+    of effects they are taken to be true.
     """
     taken = without_quantities(problem)
     problem, normaliser = taken.problem, Normaliser()
     vocabulary = Vocabulary(problem.domain)
-    made = [
-        replace(each, static=taken.without_tests(each.static))
-        for each in schemas(problem.domain, normaliser, vocabulary)
-    ]
+    tested = list(schemas(problem.domain, normaliser, vocabulary))
+    made = [replace(each, static=taken.without_tests(each.static)) for each in tested]
     effects = [
         replace(each, static=taken.without_tests(each.static))
         for each in conditionals(problem.domain, normaliser, vocabulary)
     ]
     parts = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
-    goals = [[taken.without_tests(body) for body in part] for part in parts]
     plain = expanded(problem.domain.rules, problem.domain, Vocabulary(problem.domain).is_dynamic)
     derived = (*plain.rules, *plain.reach, *normaliser.rules)
     vocabulary = Vocabulary(problem.domain, derived)
     lines: list[str] = []
-    for schema in made:
+    asked = list(kept((part[0] for part in parts if len(part) == 1), taken))
+    for schema, whole in zip(made, tested, strict=True):
         lines += [
-            instance_rule(schema, vocabulary),
+            *_instances(schema, tests_in(whole.static, taken), vocabulary, taken, asked),
             *effect_rules(schema, vocabulary),
             *_events(schema, vocabulary),
         ]
     lines += _under_conditions(made, effects, vocabulary)
     lines += [derived_rule(each, vocabulary) for each in derived]
     lines += [line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)]
-    lines += _goals(goals, vocabulary)
+    lines += _goals(parts, vocabulary, taken)
     lines += [f"#defined {LOOSENED}/0.", f"#defined {MISSED}/1.", "#defined _goal/1."]
-    lines += _stages(problem, vocabulary, len(goals))
+    lines += starts(taken)
+    lines += _stages(problem, vocabulary, len(parts))
     return "\n".join([*lines, *_defaults(problem), *_declared(problem.domain, vocabulary)])
+
+
+def _instances(
+    schema: Schema,
+    tests: Sequence[Literal],
+    vocabulary: Vocabulary,
+    taken: Quantities,
+    goals: Sequence[Kept],
+) -> Iterator[str]:
+    """When an instance of a schema is within reach and does no harm, and which quantities it changes."""
+    body, head = instance_body(schema, vocabulary), instance_atom(schema)
+    settings = taken.settings.get(schema.operator.name, ())
+    needed = [*(possible(each, taken) for each in tests), *keeping(settings, goals)]
+    yield from measured(f"o_{schema.number}", head, body, needed, tuple(tests))
+    yield from changes(head, settings)
+    yield from moves(schema, settings, vocabulary)
 
 
 def _under_conditions(
@@ -84,13 +113,16 @@ def _under_conditions(
                 yield rule(head, conditional_body(each, schema))
 
 
-def _goals(goals: Iterable[Iterable[Body]], vocabulary: Vocabulary) -> Iterator[str]:
+def _goals(goals: Iterable[Iterable[Body]], vocabulary: Vocabulary, taken: Quantities) -> Iterator[str]:
     """When each goal, a disjunction of bodies, is within reach."""
     for number, alternatives in enumerate(goals):
-        for disjunct in alternatives:
-            literals, static = vocabulary.split(disjunct)
+        for place, disjunct in enumerate(alternatives):
+            literals, static = vocabulary.split(taken.without_tests(disjunct))
             body = [*(reachable(each.atom) for each in literals if each.positive), *map(str, static)]
-            yield rule(f"_goal({number})", body)
+            head = Function("_goal", (Number(number),))
+            tests = tests_in(disjunct, taken)
+            needed = [possible(each, taken) for each in tests]
+            yield from measured(f"g_{number}_{place}", head, body, needed, tuple(tests))
         yield f"{MISSED}({number}) :- not _goal({number})."
 
 
@@ -104,6 +136,15 @@ def new_defaults(problem: Problem, held: dict[int, Sequence[Atom]]) -> Iterator[
         yield from (f"{Function(name, atom.arguments)}." for atom in held[number])
         body = [*_body(problem, number), f"not {Function(name, default.atom.arguments)}"]
         yield rule(reachable(default.atom), body)
+
+
+def denials(problem: Problem) -> Iterator[str]:
+    """No given fact may deny another one. The given facts are `_now(F)`."""
+    for operator in problem.domain.deductive_operators:
+        for each in operator.consequences:
+            if operator.trigger.positive and not each.implied and not problem.complete:
+                both = [f"_now({operator.trigger.atom})", f"_now({each.atom})"]
+                yield f":- {', '.join([*both, *consequence_body(operator, each)])}."
 
 
 def default_rule(problem: Problem, number: int) -> str:

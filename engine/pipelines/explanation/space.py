@@ -6,12 +6,13 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 
 from engine.pipelines.explanation.amendments import domain_facts, subterms
+from engine.pipelines.explanation.measures import AUXILIARY
 from engine.pipelines.explanation.relaxation import MISSED, default_rule, relaxed_rules
 from engine.pipelines.explanation.thresholds import THRESHOLD, threshold_rules
 from engine.stages.grounding.program import Vocabulary, conditionals, is_conditional, reachable, schemas
 from kb.asp.statics import evaluated
 from kb.model.conditions import Aggregate, Body, Comparison, Condition, Literal, Parameter, goal_parts
-from kb.model.domain import NUMERIC_TYPES, Kind
+from kb.model.domain import NUMERIC_TYPES, UNLISTED, Kind
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
 from kb.model.statement import Signature
@@ -159,7 +160,7 @@ class Space:
         said |= set(names(self.problem.goal))
         domain = self.problem.domain
         known = {*domain.objects, *self.problem.objects, *domain.predicates, *domain.functions, *domain.types}
-        return tuple(sorted(said - known))
+        return tuple(sorted(said.difference(known, UNLISTED)))
 
     @cached_property
     def used(self) -> frozenset[str]:
@@ -214,7 +215,16 @@ class Space:
             for row in self.rows((THRESHOLD, 3))
             if row[:2] == wanted and isinstance(row[2], Number)
         }
+        if signature[0] in self.problem.domain.quantities:
+            found |= {number + step for number in self._compared for step in (-1, 0, 1)}
         return sorted(found | set(range(SMALL + 1)))
+
+    @cached_property
+    def _compared(self) -> frozenset[int]:
+        """The numbers in goals and conditions of operators: with values beside them, a quantity may be enough."""
+        conditions = (self.problem.goal, *(each.precondition for each in self.problem.domain.operators))
+        found = (each for condition in conditions for each in values(condition))
+        return frozenset(each.value for each in found if isinstance(each, Number))
 
     @cached_property
     def _mentioned(self) -> frozenset[Term]:
@@ -222,7 +232,7 @@ class Space:
         held = (
             row
             for (name, _), rows in self.atoms.items()
-            if name != THRESHOLD and not name.startswith(("_o_", MISSED, "_goal"))
+            if name != THRESHOLD and not name.startswith(("_o_", MISSED, "_goal", *AUXILIARY))
             for row in rows
         )
         terms = (inner for row in held for argument in row for inner in subterms(argument))
@@ -254,13 +264,21 @@ def _plain(condition: Condition) -> Body:
 
 def names(value: object) -> Iterator[str]:
     """The names of all predicates, terms and types in a value of the model, repeated as they repeat."""
-    if isinstance(value, Function):
-        yield value.name
-    if isinstance(value, Parameter):
-        yield value.type
-    if isinstance(value, Aggregate):
-        yield from (name for name, _ in value.uses)
-    elif is_dataclass(value):
-        yield from (name for each in fields(value) for name in names(getattr(value, each.name)))
+    for each in values(value):
+        if isinstance(each, Function):
+            yield each.name
+        if isinstance(each, Parameter):
+            yield each.type
+        if isinstance(each, Aggregate):
+            yield from (name for name, _ in each.uses)
+
+
+def values(value: object) -> Iterator[object]:
+    """A value of the model and all values inside it. What an aggregate counts is text."""
+    yield value
+    if is_dataclass(value) and not isinstance(value, Aggregate):
+        for each in fields(value):
+            yield from values(getattr(value, each.name))
     elif isinstance(value, tuple):
-        yield from (name for each in value for name in names(each))
+        for each in value:
+            yield from values(each)

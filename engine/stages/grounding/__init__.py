@@ -14,6 +14,7 @@ from engine.stages.grounding.closure import deduction
 from engine.stages.grounding.derived import Rules, Support, Supports, supports_of
 from engine.stages.grounding.diagnostics import amiss, contradictions, violations
 from engine.stages.grounding.diagrams import decide
+from engine.stages.grounding.firing import firing
 from engine.stages.grounding.goals import Goals, Parted, layered
 from engine.stages.grounding.initial import default_instances as default_instances
 from engine.stages.grounding.initial import initial_state
@@ -213,10 +214,11 @@ class _Grounding:
         operators = [numbers.changing(each) for each in complete if not each.preconditions & never]
         derived = layers.derived if layers else 0
         groups = mutex_groups(atoms, operators, compiled.start | complements, derived)
+        pairs = [1 << atom | 1 << complement for atom, complement in numbering.complements.items()]
+        operators = list(firing(operators, (*groups, *pairs)))
         self.found += ambiguities(self.domain, compiled.doubts, atoms, groups)
         weighed = weights(self.domain, atoms, operators)
         start = compiled.start | numbers.start | complements
-        pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())
         return Task(
             atoms if self.given.domain.quantities else tuple(atoms),
             tuple(operators),

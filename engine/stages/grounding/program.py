@@ -129,11 +129,21 @@ def is_conditional(effect: Effect) -> bool:
 
 def instance(schema: Schema) -> str:
     """The text of the atom that says that an instance of a schema is reachable."""
-    return str(Function(f"_o_{schema.number}", schema.variables))
+    return str(instance_atom(schema))
+
+
+def instance_atom(schema: Schema) -> Function:
+    """The atom that says that an instance of a schema is reachable."""
+    return Function(f"_o_{schema.number}", schema.variables)
 
 
 def instance_rule(schema: Schema, vocabulary: Vocabulary) -> str:
-    """The rule that says when an instance of a schema is reachable.
+    """The rule that says when an instance of a schema is reachable."""
+    return rule(instance(schema), instance_body(schema, vocabulary))
+
+
+def instance_body(schema: Schema, vocabulary: Vocabulary) -> list[str]:
+    """When an instance of a schema is reachable.
 
     A workflow stage must name each of its events. Of those that happen under conditions, a stage gives the numbers that nothing
     else binds.
@@ -144,8 +154,7 @@ def instance_rule(schema: Schema, vocabulary: Vocabulary) -> str:
     body = [str(Function(f"_v_{event.name}", event.arguments)) for event in named]
     body += [reachable(literal.atom) for literal in schema.literals if literal.positive]
     body += guard(schema.operator.parameters)
-    body += map(str, schema.static)
-    return rule(instance(schema), body)
+    return [*body, *map(str, schema.static)]
 
 
 def _gives(event: Atom, schema: Schema) -> bool:

@@ -34,7 +34,8 @@ def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> O
         return Infeasible("some goal cannot be reached, whatever is done", _statistics(effort))
     setting = Setting(task, limits.seed, macros)
     try:
-        answer = STRATEGIES[limits.strategy](setting, effort)
+        first = setting.proof.run(effort) if limits.doubtful else None
+        answer = first or STRATEGIES[limits.strategy](setting, effort)
     except (TooManyVariants, OutOfRange) as error:
         return GaveUp(str(error), "expansions", _statistics(effort))
     except MemoryError:

@@ -48,7 +48,8 @@ class Limits:
     those of other searches, among them `restarts` of hill climbing. If `thorough` is set, improvement continues in
     ever wider windows until it is interrupted. `strategy` is one of `STRATEGIES`, or `RACE`. With a `seed` other than
     0, searches break ties by chance, with this seed. The planner calls `interrupted` from time to time and, if it returns True,
-    stops with the best plan so far. It calls `improved` with the first plan and with every better one.
+    stops with the best plan so far. It calls `improved` with the first plan and with every better one. Where a plan is
+    `doubtful`, it first tries to prove that there is none.
     """
 
     expansions: int = 1_000_000
@@ -60,6 +61,7 @@ class Limits:
     strategy: str = "auto"
     seed: int = 0
     improved: Callable[[Plan], None] = _deaf
+    doubtful: bool = False
 
     def searching(self) -> Effort:
         """The effort for the search."""

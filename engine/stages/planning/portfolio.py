@@ -35,6 +35,7 @@ MODELS = Turn(500)
 LAYERED, RESTARTED, SHORT = Turn(4000, 500_000), Turn(2000, 250_000), Turn(500, 60_000)
 BEGINNING = Turn(500, 25_000)  # landmarks and forward, with quantities
 NOVELTY = Turn(2000, 100_000)
+ONCE = Turn(1)
 ALONE = Turn(4000)  # best-first regression, if it takes turns only with restarts
 RESTART = Turn(200)
 
@@ -63,6 +64,11 @@ def landmarks(setting: Setting, effort: Effort) -> SearchResult | None:
 def novelty(setting: Setting, effort: Effort) -> SearchResult | None:
     """The forward search for states with atoms and values that no state as near to the goals had."""
     return setting.novelty.run(effort)
+
+
+def proof(setting: Setting, effort: Effort) -> SearchResult | None:
+    """That there is no plan, where derived atoms and quantities rule it out."""
+    return setting.proof.run(effort)
 
 
 def asp(setting: Setting, effort: Effort) -> SearchResult | None:
@@ -136,6 +142,7 @@ def _forwards(setting: Setting) -> Turns:
     """The searches for tasks with derived atoms, and for those with very many conditional effects."""
     return [
         (_later(setting, landmarks), LAYERED),
+        (_later(setting, proof), ONCE),
         (lambda effort: setting.restarts.run(effort), RESTARTED),
         (_later(setting, forward), SHORT),
     ]
@@ -145,6 +152,7 @@ def _numeric(setting: Setting) -> Turns:
     """The searches for tasks with quantities: landmarks are quick on easy ones."""
     return [
         (_later(setting, landmarks), BEGINNING),
+        (_later(setting, proof), ONCE),
         (_later(setting, novelty), NOVELTY),
         (_later(setting, forward), BEGINNING),
     ]

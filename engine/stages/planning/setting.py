@@ -92,6 +92,13 @@ class Setting:
         return Newest(self.task, self.seed)
 
     @cached_property
+    def proof(self) -> Search:
+        """The proof that no state allows what the goals need."""
+        from engine.stages.planning.consistency import Proof
+
+        return Proof(self.task)
+
+    @cached_property
     def models(self) -> Search:
         """The search for stable models, with at most `ROOM` grounded conditions and effects.
 
