@@ -29,7 +29,7 @@ import random
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -40,6 +40,7 @@ from macros import Bench, lessons
 from points import Day, again, different_days
 from postgres import Server, server
 
+from engine.model.outcome import Found
 from engine.pipelines.reuse.standing import standing
 from engine.stages.macros.lookup.repertoire import record_of
 from engine.stages.planning import Limits
@@ -59,13 +60,14 @@ SHARED = ("shared", "visits")
 class Told:
     """What a client did.
 
-    Seconds of its first turn, of the others at the beginning and of those that count, of these also to the plan alone; how many of
-    all and of those that count found a plan; when they began and ended; how much the processors worked meanwhile, for it and for all; how often it wrote; and errors.
+    Seconds of its first turn, of the others at the beginning and of those that count, of these also to the plan, and of the lookup alone
+    in it; how many of all and of those that count found a plan; when they began and ended; how much the processors worked meanwhile, for it and for all; how often it wrote; and errors.
     """
 
     first_s: float = 0.0
     warm_s: list[float] = dataclasses.field(default_factory=list)
     turns_s: list[float] = dataclasses.field(default_factory=list)
+    plans_s: list[float] = dataclasses.field(default_factory=list)
     lookups_s: list[float] = dataclasses.field(default_factory=list)
     uses: int = 0
     hits: int = 0
@@ -101,12 +103,13 @@ class Client:
 
     def work(self) -> None:
         """Look days up, from time to time, and write after each."""
+        self.told.lookups_s.clear()
         self.told.since, spent, busy = time.monotonic(), time.process_time(), busy_s()
         end = self.told.since + self.asked.seconds
         while self._paused(end):
             problem = next(self.problems)
-            looked_up_s, turn_s, found = self._found(problem)
-            self.told.lookups_s.append(looked_up_s)
+            plan_s, turn_s, found = self._found(problem)
+            self.told.plans_s.append(plan_s)
             self.told.turns_s.append(turn_s)
             self.told.hits += found is not None
             self._write(len(self.told.turns_s) - 1, found)
@@ -124,11 +127,13 @@ class Client:
         began = time.perf_counter()
         with standing(self.url, problem.domain, Limits()) as practice:  # its end counts the use
             answer = practice.plan(problem)
-            looked_up_s = time.perf_counter() - began
+            plan_s = time.perf_counter() - began
         turn_s = time.perf_counter() - began
+        if isinstance(answer.outcome, Found) and "lookup" in answer.outcome.statistics.seconds:
+            self.told.lookups_s.append(answer.outcome.statistics.seconds["lookup"])
         found = answer.macrop if answer.origin == "library" else None
         self.told.uses += found is not None
-        return looked_up_s, turn_s, found
+        return plan_s, turn_s, found
 
     def _write(self, turn: int, found: int | None) -> None:
         self.library.note_trial(*SHARED, found is not None)
@@ -227,10 +232,15 @@ def lost(url: str, told: Sequence[Told], before: int) -> list[str]:
     return [*wrong, *(each.message for each in checked(url)[0]), *(each.error for each in told if each.error)]
 
 
+def spread(seconds: Iterable[float]) -> list[float]:
+    """Median, 90 %, 99 % and the greatest, in milliseconds."""
+    times = sorted(seconds) or [math.inf]
+    return [round(1000 * times[min(int(len(times) * p), len(times) - 1)], 2) for p in (0.5, 0.9, 0.99, 1)]
+
+
 def summed(told: Sequence[Told]) -> dict[str, Any]:
     """The figures of all clients. Processor seconds are those of the clients after the beginning, without the server's."""
     times = sorted(each for one in told for each in one.turns_s) or [math.inf]
-    plans = sorted(each for one in told for each in one.lookups_s) or [math.inf]
     warm = sorted(each for one in told for each in one.warm_s) or [0.0]
     seconds = max(each.until for each in told) - min(each.since for each in told)
     return {
@@ -241,10 +251,8 @@ def summed(told: Sequence[Told]) -> dict[str, Any]:
         "p90_ms": round(1000 * times[int(len(times) * 0.90)], 2),
         "p99_ms": round(1000 * times[int(len(times) * 0.99)], 2),
         "max_ms": round(1000 * times[-1], 2),
-        "to the plan: median, p90, p99, max_ms": [
-            round(1000 * plans[min(int(len(plans) * part), len(plans) - 1)], 2)
-            for part in (0.5, 0.9, 0.99, 1)
-        ],
+        "to the plan: median, p90, p99, max_ms": spread(each for one in told for each in one.plans_s),
+        "lookup alone: median, p90, p99, max_ms": spread(each for one in told for each in one.lookups_s),
         "first_ms": round(1000 * statistics.median(each.first_s for each in told), 1),
         "others of the beginning, median_ms": round(1000 * statistics.median(warm), 1),
         "shared sequence written": sum(each.moved for each in told),

@@ -216,9 +216,10 @@ class Practice:
     def _looked_up(self, problem: Problem, asked: Query, approve: bool = True) -> Answered | None:
         started = time.perf_counter()
         hit = self.repertoire(problem.domain).find(asked)
+        seconds = {"lookup": time.perf_counter() - started}
         if hit is None or (approve and not self._approved(problem, asked.situation, hit.plan)):
             return None
-        seconds = {"lookup": time.perf_counter() - started}
+        seconds["check"] = time.perf_counter() - started - seconds["lookup"]
         outcome = Found(hit.plan, Statistics({}, seconds))
         assert isinstance(hit.key, int)
         parts = tuple(PlanPart(None, part.name, "", part.steps) for part in hit.macrop.parts)
