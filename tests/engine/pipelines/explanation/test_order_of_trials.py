@@ -122,6 +122,7 @@ def test_a_fact_that_people_give_is_told_and_not_what_rules_alone_make_of_it(tmp
     assert [str(each) for each in explain(problem).changes] == ["add static fits(cover, rim)"]
 
 
+@pytest.mark.slow
 def test_what_makes_a_problem_many_times_as_large_is_tried_after_all_else(tmp_path: Path) -> None:
     rest = "statics: ['room(left, 3)', 'stays(a, 400)', 'width(left, 1)']\ngoals: ['seen(b)']\n"
     problem = made(tmp_path, SHELVES, SPOTS, rest)
