@@ -12,12 +12,12 @@ from kb.terms import PLAIN, Atom, Function, Number, Operation, Term, Text, form_
 BITS = 32  # bits of clingo's integers; larger values wrap around
 
 
-def evaluate(term: Term) -> Term | None:
+def evaluate(term: Term, exact: bool = False) -> Term | None:
     """A ground term with all its arithmetic computed; None if it has no value, as with division by zero or
-    `bolt + 1`.
+    `bolt + 1`. If it is `exact`, nothing wraps around.
     """
     if isinstance(term, Operation):
-        return _calculated(term.operator, evaluate(term.left), evaluate(term.right))
+        return _calculated(term.operator, evaluate(term.left, exact), evaluate(term.right, exact), exact)
     return evaluate_atom(term) if isinstance(term, Function) else term
 
 
@@ -42,9 +42,9 @@ def wraps(term: Term) -> bool:
     return wraps(term.left) or wraps(term.right)
 
 
-def compare(left: Term, relation: str, right: Term) -> bool:
+def compare(left: Term, relation: str, right: Term, exact: bool = False) -> bool:
     """Whether a ground comparison is true; false if a side has no value."""
-    one, other = evaluate(left), evaluate(right)
+    one, other = evaluate(left, exact), evaluate(right, exact)
     if one is None or other is None:
         return False
     if relation in ("=", "!="):
@@ -109,12 +109,13 @@ def _compared(low: tuple[object, ...], high: tuple[object, ...]) -> int:
     return (low > high) - (low < high)
 
 
-def _calculated(operator: str, left: Term | None, right: Term | None) -> Number | None:
+def _calculated(operator: str, left: Term | None, right: Term | None, exact: bool) -> Number | None:
     if not isinstance(left, Number) or not isinstance(right, Number):
         return None
     if operator in ("/", "\\"):
         return _divided(operator, left.value, right.value)
-    return Number(_wrapped(_EXACT[operator](left.value, right.value)))
+    value = _EXACT[operator](left.value, right.value)
+    return Number(value if exact else _wrapped(value))
 
 
 _EXACT: dict[str, Callable[[int, int], int]] = {

@@ -191,13 +191,9 @@ def _read_quantities(reader: Reader, names: Names) -> None:
         if signature is None or not _is_new_predicate(names, signature, key):
             continue
         found = re.fullmatch(r"\s*(-?\d+)?\s*\.\.\s*(-?\d+)?\s*", str(node.value))
-        low, high = (int(each) if each else None for each in found.groups()) if found else (1, 0)
-        if (
-            not -LARGEST
-            <= (-LARGEST if low is None else low)
-            <= (LARGEST if high is None else high)
-            <= LARGEST
-        ):
+        least, greatest = found.groups() if found else ("1", "0")
+        low, high = int(least or -LARGEST), int(greatest or LARGEST)
+        if not -LARGEST <= low <= high <= LARGEST:
             message = f"'{node.value}' is no range of whole numbers"
             hint = "write the least and the greatest value: 0..5000, or one of them: 0.."
             names.findings.add(node.where, "K113", message, hint)

@@ -52,7 +52,7 @@ class _Naming:
             case Literal(atom, positive):
                 return Literal(self._atom(atom), positive)
             case Comparison(left, relation, right):
-                return Comparison(self._side(left), relation, self._side(right))
+                return Comparison(self._side(left), relation, self._side(right), part.exact)
             case StateAggregate(elements=elements):
                 return replace(part, elements=tuple(map(self._element, elements)))
             case _:

@@ -44,11 +44,12 @@ class Literal:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A comparison of two terms, as ASP orders them; `=` binds or tests."""
+    """A comparison of two terms, as ASP orders them; `=` binds or tests. If it is `exact`, sums do not wrap around."""
 
     left: Term
     relation: str  # = != < <= > >=
     right: Term
+    exact: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         return f"{self.left} {self.relation} {self.right}"
@@ -246,7 +247,7 @@ def substitute_part(part: BodyPart, bindings: Substitution) -> BodyPart:
             made = substitute_atom(atom, bindings)
             return part if made is atom else Literal(made, positive)
         case Comparison(left, relation, right):
-            return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
+            return Comparison(substitute(left, bindings), relation, substitute(right, bindings), part.exact)
         case Aggregate():
             return part
         case StateAggregate():
@@ -274,4 +275,5 @@ def _substituted(aggregate: StateAggregate, bindings: Substitution) -> StateAggr
 def _inner(part: Literal | Comparison, bindings: Substitution) -> Literal | Comparison:
     if isinstance(part, Literal):
         return Literal(substitute_atom(part.atom, bindings), part.positive)
-    return Comparison(substitute(part.left, bindings), part.relation, substitute(part.right, bindings))
+    left, right = substitute(part.left, bindings), substitute(part.right, bindings)
+    return Comparison(left, part.relation, right, part.exact)

@@ -73,7 +73,7 @@ class Normaliser:
             case Literal(atom, positive):
                 return [(Literal(atom, not positive),)]
             case Comparison(left, relation, right):
-                return [(Comparison(left, NEGATED[relation], right),)]
+                return [(Comparison(left, NEGATED[relation], right, condition.exact),)]
             case And(parts):
                 return [disjunct for part in parts for disjunct in self._negative(part, types)]
             case Or(parts):

@@ -31,7 +31,7 @@ def compared(comparison: Comparison, known: Collection[str], fresh: Fresh) -> Co
     """A comparison in which quantities may stand, as a condition on fluents."""
     values: dict[Function, Variable] = {}
     left, right = (replaced(side, known, values, fresh) for side in (comparison.left, comparison.right))
-    return some(values, [Comparison(left, comparison.relation, right)]) if values else comparison
+    return some(values, [Comparison(left, comparison.relation, right, exact=True)]) if values else comparison
 
 
 def some(values: Values, tests: Iterable[Comparison]) -> Condition:
@@ -55,9 +55,9 @@ def within(value: Term, bounds: Quantity) -> list[Comparison]:
     """That a value is in the range of its quantity; nothing where the range is open."""
     found = []
     if bounds.low is not None:
-        found.append(Comparison(value, ">=", Number(bounds.low)))
+        found.append(Comparison(value, ">=", Number(bounds.low), exact=True))
     if bounds.high is not None:
-        found.append(Comparison(value, "<=", Number(bounds.high)))
+        found.append(Comparison(value, "<=", Number(bounds.high), exact=True))
     return found
 
 
@@ -68,7 +68,7 @@ def change(
     held = tuple(fluents(values))
     parameters = tuple(Parameter(variable, "int") for variable in values.values())
     after = Variable(f"_Value{next(fresh)}")
-    condition = And((*held, Comparison(after, "=", new), *within(after, bounds)))
+    condition = And((*held, Comparison(after, "=", new, exact=True), *within(after, bounds)))
     ends = Effect(valued(quantity, values[quantity]), False, parameters, And(held))
     return ends, Effect(valued(quantity, after), True, (*parameters, Parameter(after, "int")), condition)
 

@@ -188,11 +188,11 @@ def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:
     left, right = substitute(part.left, bindings), substitute(part.right, bindings)
     if part.relation == "=" and not (is_ground(left) and is_ground(right)):
         pattern, ground = (left, right) if is_ground(right) else (right, left)
-        value = evaluate(ground)
+        value = evaluate(ground, part.exact)
         extended = match(pattern, value, bindings) if value is not None else None
         if extended is not None:
             yield extended
-    elif compare(left, part.relation, right):
+    elif compare(left, part.relation, right, part.exact):
         yield bindings
 
 

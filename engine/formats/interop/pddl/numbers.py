@@ -103,9 +103,8 @@ class NumberReader:
             self._fixed(replaced(side, self._quantities, values, self._fresh), fixed)
             for side in (comparison.left, comparison.right)
         )
-        made: Condition = Comparison(left, comparison.relation, right)
-        if values:
-            made = some(values, [Comparison(left, comparison.relation, right)])
+        test = Comparison(left, comparison.relation, right, exact=True)
+        made: Condition = some(values, [test]) if values else test
         if fixed:
             facts = (Literal(valued(function, variable)) for function, variable in fixed.items())
             made = Exists(tuple(Parameter(v, "int") for v in fixed.values()), And((*facts, made)))

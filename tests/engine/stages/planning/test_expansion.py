@@ -44,19 +44,20 @@ def clashes(conditions: Bits, excluded: list[Bits]) -> bool:
 def plainly(
     steps: list[GroundOperator], excluded: list[Bits], heavy: list[int], start: Bits, open_: Bits, room: int
 ) -> list[tuple[int, int, int, Bits]]:
-    """The heaviest open conditions first, those that hold last, and for each its operators by number."""
+    """The heaviest open conditions first, those that hold last, and for each its operators by number.
+
+    What an operator adds can be open after it, even if that excludes one of its preconditions: it takes the place of that one.
+    """
     plans = Relaxation(steps, SIZE).plans(start)
     charge = [max(each.cost, 1) for each in steps]
     unsatisfied = sorted(indices(open_ & ~start), key=lambda atom: (-heavy[atom], atom))
     found, used = [], set()
     for atom in [*unsatisfied, *indices(open_ & start)]:
         for number, each in enumerate(steps):
-            after = each.preconditions & ~each.adds | each.adds  # what holds directly after it
-            conflict = open_ & each.deletes & ~each.adds or any(
-                excluded[one] & after and excluded[one] >> other & 1
+            conflict = any(
+                (each.deletes >> one & 1 or excluded[one] & each.preconditions) and not each.adds >> one & 1
                 for one in indices(open_)
-                for other in indices(after)
-            )
+            ) or any(excluded[one] & each.adds for one in indices(open_))
             need = plans.plan(each.preconditions)
             adds = each.adds & ~each.preconditions
             if not adds >> atom & 1 or clashes(each.preconditions, excluded) or conflict or need is None:
