@@ -179,5 +179,19 @@ def _raise_again(lost: "sys.UnraisableHookArgs") -> None:
     if _now is not None:
         _now.roused = False
     which = signal.SIGALRM if isinstance(lost.exc_value, Stopped) else signal.SIGINT
+    threading.Timer(MOMENT, _signal, (which,)).start()
+
+
+def _signal(which: signal.Signals) -> None:
+    """Send the main thread a signal when it has left `_raise_again`, from where Python passes no exception on either: on a busy
+    machine it may be there for longer than a moment."""
     main = threading.main_thread().ident or 0
-    threading.Timer(MOMENT, signal.pthread_kill, (main, which)).start()
+    while _raises_again(sys._current_frames().get(main)):
+        time.sleep(MOMENT)
+    signal.pthread_kill(main, which)
+
+
+def _raises_again(frame: FrameType | None) -> bool:
+    while frame is not None and frame.f_code is not _raise_again.__code__:
+        frame = frame.f_back
+    return frame is not None

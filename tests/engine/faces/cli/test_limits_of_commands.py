@@ -98,6 +98,7 @@ def busy(seconds):
     while time.monotonic() < end:
         pass
 
+LATE
 watchdog.own_process()
 with watchdog.watching(0.1, None):
     watchdog.current().asked = True
@@ -112,8 +113,22 @@ with watchdog.watching(0.1, None):
 """
 
 
-def test_an_end_that_comes_in_a_callback_is_heard_and_prints_nothing() -> None:
-    done = subprocess.run([sys.executable, "-c", IN_A_CALLBACK], capture_output=True, text=True, check=False)
+LATE = """
+import threading
+start = threading.Timer.start
+
+def started_late(timer):
+    start(timer)
+    busy(0.1)  # as if the processors had something else to do while the thread begins
+
+threading.Timer.start = started_late
+"""
+
+
+@pytest.mark.parametrize("late", ["", LATE], ids=["at once", "on a busy machine"])
+def test_an_end_that_comes_in_a_callback_is_heard_and_prints_nothing(late: str) -> None:
+    code = IN_A_CALLBACK.replace("LATE", late)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("stopped\n", "")
 
 
