@@ -20,7 +20,7 @@ from typing import Any
 from urllib.parse import quote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import ArgumentError, InvalidatePoolError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, InvalidatePoolError, OperationalError, SQLAlchemyError
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
@@ -29,9 +29,22 @@ MIGRATION, POSES, DRAFTS = 0x43656C6C, 0x43656C6D, 0x43656C6E  # keys of Postgre
 POSTGRES = ("postgres", "postgresql", "postgresql+psycopg")
 
 
+class OutOfReach(InvalidInput):
+    """The system or the server refuses what was asked of a library: nothing is wrong with its name."""
+
+
 def refusal(where: str, message: str, hint: str = "", code: str = "K416") -> InvalidInput:
     """The error for a library that cannot be used, with the reason."""
     return InvalidInput([Diagnostic(Source(where), code, message, hint)])
+
+
+def refused_by(error: Exception, where: str, message: str, hint: str) -> InvalidInput:
+    """The error for what a database has reported: `OutOfReach` if it could not do its work."""
+    cause = getattr(error, "orig", None) or error
+    said = " ".join(next(iter(str(cause).strip().splitlines()), "").split())[:200]
+    made = Diagnostic(Source(where), "K416", f"{message}: {said}", hint)
+    unable = isinstance(error, (OperationalError, sqlite3.OperationalError))
+    return (OutOfReach if unable else InvalidInput)([made])
 
 
 def address(target: str) -> URL:
@@ -190,13 +203,10 @@ def transaction(
         with _connection(engine, writes, apart) as connection, connection.begin():
             yield connection
     except (SQLAlchemyError, UnicodeDecodeError) as error:
-        cause = getattr(error, "orig", None) or error
-        said = " ".join(str(cause).split())[:200]
-        raise refusal(
-            where,
-            f"the library cannot be used: {said}",
-            "check that it is a library and that you may write it; `cellwright store check` looks for damage",
-        ) from error
+        hint = (
+            "check that it is a library and that you may write it; `cellwright store check` looks for damage"
+        )
+        raise refused_by(error, where, "the library cannot be used", hint) from error
 
 
 def _connection(engine: Engine, writes: bool, apart: bool) -> Connection:

@@ -9,9 +9,9 @@ from kb.diagnostics import InvalidInput
 from kb.model.macro import Macrop
 from kb.store.counts import add_trials, add_uses, holdings, trials_of
 from kb.store.documents import dumps, loads
-from kb.store.engines import is_writable, refusal, transaction
+from kb.store.engines import OutOfReach, is_writable, refusal, transaction
 from kb.store.notation import NotationError, Requirement
-from kb.store.opening import Database, reading
+from kb.store.opening import Database, empty, reading
 from kb.store.outlines import Outline, SharedTexts, chunks, words_of
 from kb.store.records import Figures, Record, Stored, Use
 from kb.store.schema import depends_text, fingerprint, macrops, outlines, usage, version_of
@@ -23,14 +23,15 @@ class Library(Database):
     """A library in a database. Every method is one transaction, and raises `InvalidInput` if the database reports an error.
 
     A library that is not `writable` can still be read; then uses are not counted. Beside an answer that matters more
-    (`beside`), what cannot be written is not raised: `loss` says why, and nothing more is written.
+    (`beside`), what cannot be written is not raised: `loss` says why, and nothing more is written. If the system or the server
+    refuses even to open it, the library is empty.
     """
 
     def __init__(self, target: str, beside: bool = False) -> None:
         """Open a library. It is made if it does not exist, and updated to the current schema. `target` is a file or a URL."""
         self.beside, self.loss = beside, ""
         super().__init__(target)
-        self.writable = is_writable(self._engine)
+        self.writable = is_writable(self._engine) and not self.loss
         self._shared = SharedTexts()
 
     def _opened(self, durable: bool) -> Engine:
@@ -39,12 +40,18 @@ class Library(Database):
         except InvalidInput as error:
             if not self.beside:
                 raise
-            try:
-                engine = reading(self.target)
-            except InvalidInput:
-                raise error from None
+            engine = self._otherwise(error)
             self._lose(error)
             return engine
+
+    def _otherwise(self, error: InvalidInput) -> Engine:
+        """The library that cannot be opened for writing, for reading; or an empty one. Raises the error if it is a mistake."""
+        try:
+            return reading(self.target)
+        except InvalidInput:
+            if isinstance(error, OutOfReach):
+                return empty()
+            raise error from None
 
     def _lose(self, error: InvalidInput) -> None:
         if not self.beside:

@@ -11,7 +11,16 @@ from sqlalchemy import Engine, event
 from sqlalchemy.exc import SQLAlchemyError
 
 from kb.files import is_file
-from kb.store.engines import MIGRATION, connected, is_writable, lock, refusal, transaction, write_ahead
+from kb.store.engines import (
+    MIGRATION,
+    connected,
+    is_writable,
+    lock,
+    refusal,
+    refused_by,
+    transaction,
+    write_ahead,
+)
 from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
 
 _opened: dict[str, None] = {}
@@ -40,6 +49,13 @@ def reading(target: str) -> Engine:
     except BaseException:
         engine.dispose()
         raise
+    return engine
+
+
+def empty() -> Engine:
+    """The engine of an empty library in memory, which is gone when it is closed."""
+    engine = connected(":memory:")
+    _prepared(engine, ":memory:")
     return engine
 
 
@@ -125,8 +141,7 @@ def _prepared(engine: Engine, target: str) -> None:
     try:
         write_ahead(engine)
     except (sqlite3.Error, SQLAlchemyError) as error:
-        said = " ".join(str(getattr(error, "orig", error)).split())
-        raise refusal(target, f"this cannot be used as a library: {said}", "give another file") from error
+        raise refused_by(error, target, "this cannot be used as a library", "give another file") from error
     try:
         with transaction(engine, target) as connection:
             version = version_of(connection)

@@ -93,7 +93,10 @@ def losses(content: Mapping[str, Any], store: str) -> "tuple[Diagnostic, ...]":
     from kb.diagnostics import Diagnostic, Source
 
     said = content.get("source", {}).get("lost")
-    message, hint = f"nothing was kept: {said}", "make room on the disk, or name another library"
+    message, hint = (
+        f"nothing was kept: {said}",
+        "make room on the disk, start the server, or name another library",
+    )
     return (Diagnostic(Source(store), "K416", message, hint, warning=True),) if said else ()
 
 

@@ -12,7 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from kb.diagnostics import InvalidInput
+from kb.store import Library
 from kb.store.checking import checked
+from kb.store.engines import OutOfReach
 from kb.store.journal import Journal
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
@@ -130,3 +133,24 @@ def test_a_full_disk_does_not_take_the_answer_with_it(disk: str, tmp_path: Path,
     lost = [each["code"] for each in answer["diagnostics"]]
     assert lost == (["K416"] if room < 60_000 else lost)
     assert checked(str(folder / "s.db"))[0] == []
+
+
+def test_an_answer_is_given_beside_a_library_that_cannot_be_opened(tmp_path: Path) -> None:
+    with Library(str(tmp_path), beside=True) as library:
+        assert "unable to open" in library.loss
+        assert (library.writable, library.outlines("themse")) == (False, [])
+    with pytest.raises(OutOfReach, match="unable to open"):
+        Library(str(tmp_path))
+
+
+def test_a_mistake_in_the_name_of_a_library_is_told_before_an_answer_is_sought(tmp_path: Path) -> None:
+    (tmp_path / "notes").write_text("no database, " * 100)
+    for name in ("notes", "missing/library.db"):
+        with pytest.raises(InvalidInput):
+            Library(str(tmp_path / name), beside=True)
+
+
+def test_an_answer_is_given_beside_a_server_that_does_not_answer() -> None:
+    pytest.importorskip("psycopg")
+    with Library("postgresql://me@localhost:1/macrops", beside=True) as library:
+        assert "refused" in library.loss
