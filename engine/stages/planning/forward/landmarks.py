@@ -3,27 +3,35 @@
 An atom's landmarks are the atom itself and the landmarks that all its achievers have in common; an achiever
 has the landmarks of all its preconditions (Zhu & Givan 2003; Keyder, Richter & Helmert 2010). They are
 computed as a greatest fixpoint over bitsets. Counting follows Richter & Westphal 2010: a landmark is accepted
-when it is true and all landmarks before it are accepted. An accepted landmark that is false counts again if
-it is a goal, or if a landmark that is not accepted needs it just before.
+when it is true and all landmarks before it are accepted; reasonable orders (`orders`) count, too. An accepted landmark
+that is false counts again if it is a goal, or if a landmark that is not accepted needs it just before.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.forward.kernels import LandmarkCount, Rows
+from engine.stages.planning.forward.orders import ordered, reached
 
 MAX_WORK = 3_000_000  # visits of operators that the fixpoint may take
 
 
 class Landmarks:
-    """The landmarks of a conjunction of goals; `all` is their set of atoms. No atom is `hidden`.
+    """The landmarks of a conjunction of goals: `all` is their set of atoms, `before` those that shall be reached before each,
+    `moments` what is known of reaching each. No atom is `hidden`.
 
-    If it takes too much work to find them, only the goals are landmarks. Accepted landmarks are a row of
-    bytes, as in `LandmarkCount`.
+    With mutex `groups` there are reasonable orders, too. If it takes too much work to find them, only the goals are
+    landmarks. Accepted landmarks are a row of bytes, as in `LandmarkCount`.
     """
 
     def __init__(
-        self, operators: Sequence[GroundOperator], initial: Bits, goals: Bits, size: int, hidden: Bits = 0
+        self,
+        operators: Sequence[GroundOperator],
+        initial: Bits,
+        goals: Bits,
+        size: int,
+        hidden: Bits = 0,
+        groups: Sequence[Bits] = (),
     ) -> None:
         self.operators, self.initial, self.goals, self.size = operators, initial, goals, size
         self._before = self._fixpoint()
@@ -31,27 +39,23 @@ class Landmarks:
         for goal in indices(goals):
             self.all |= self._before[goal] or 0
         self.all &= ~hidden
-        self._count = self._numbered(self._just_before())
+        self.moments = reached(operators, initial, self.all, self._before)
+        kept = self.all & ~initial  # what is true from the start comes first, unless it is reached again
+        must = {atom: (self._before[atom] or 0) & kept & ~(1 << atom) for atom in self.moments}
+        self.before = ordered(goals, must, self.moments, groups)
+        self._count = self._numbered()
         self.none = bytes((self.all.bit_count() + 7) // 8)
 
-    def _just_before(self) -> dict[int, Bits]:
-        """For each landmark the landmarks that all its achievers need."""
-        needed = dict.fromkeys(indices(self.all), -1)
-        for operator in self.operators:
-            for atom in indices(operator.adds & self.all):
-                needed[atom] &= operator.preconditions
-        return {atom: 0 if shared < 0 else shared & self.all for atom, shared in needed.items()}
-
-    def _numbered(self, just_before: dict[int, Bits]) -> LandmarkCount:
+    def _numbered(self) -> LandmarkCount:
         """The compiled kernel that counts. It numbers the landmarks in the order of their atoms."""
-        number = {atom: place for place, atom in enumerate(just_before)}
-        before = {atom: (self._before[atom] or 0) & self.all & ~(1 << atom) for atom in just_before}
+        number = {atom: place for place, atom in enumerate(self.moments)}
 
-        def rows(sets: dict[int, Bits]) -> Rows:
-            return Rows([[number[atom] for atom in indices(each)] for each in sets.values()])
+        def rows(sets: Iterable[Bits]) -> Rows:
+            return Rows([[number[atom] for atom in indices(each)] for each in sets])
 
+        just_before = (moment.needed & self.all for moment in self.moments.values())
         goals = [number[goal] for goal in indices(self.goals)]
-        return LandmarkCount(list(number), rows(before), rows(just_before), goals)
+        return LandmarkCount(list(number), rows(self.before.values()), rows(just_before), goals)
 
     def _fixpoint(self) -> list[Bits | None]:
         """For each atom its landmarks, itself included; None if the atom is unreachable.

@@ -54,8 +54,8 @@ class Forward:
     Operators may have conditional effects. A successor is the number of an operator; one that repeats an operator has as many
     times the number of all operators added.
 
-    With `landmarks`, additional queues are ordered by the number of landmarks that are left; they take turns
-    with the queues ordered by relaxed plans. Then every operator counts as one step, because short plans are
+    With `landmarks`, additional queues are ordered by the number of landmarks that are left, in reasonable orders by mutex
+    `groups`; they take turns with the queues ordered by relaxed plans. Then every operator counts as one step, because short plans are
     easier to find than cheap ones, and improvement makes them cheaper later. If all steps of an instance of
     `patterns` are in the relaxed plan of a state, the instance is used there as a preferred operator. With `joint` a step
     that serves many at once counts once in relaxed plans. Where a plan seems to cost `bound` or more, it is not followed; free
@@ -75,6 +75,7 @@ class Forward:
         bound: int = UNKNOWN,
         patterns: Sequence[Pattern] = (),
         axioms: Axioms | None = None,
+        groups: Sequence[Bits] = (),
     ) -> None:
         self._goals = goals
         self._suggestions = Suggestions(operators, patterns) if patterns else None
@@ -82,7 +83,7 @@ class Forward:
         self.evaluate = Evaluation(operators, goals, size, unit=landmarks, joint=joint, axioms=axioms)
         self._space = self.evaluate.space
         self.initial = self._space.packed(initial)
-        self._landmarks = self._found_landmarks(size) if landmarks else None
+        self._landmarks = self._found_landmarks(size, groups) if landmarks else None
         self._given, self._axioms, self._bound = operators, axioms, bound
         self._begin(seed)
 
@@ -105,7 +106,7 @@ class Forward:
         fresh._begin(seed)
         return fresh
 
-    def _found_landmarks(self, size: int) -> Landmarks:
+    def _found_landmarks(self, size: int, groups: Sequence[Bits]) -> Landmarks:
         hidden = (1 << self.evaluate.size) - (1 << size)
         return Landmarks(
             self.evaluate.operators,
@@ -113,6 +114,7 @@ class Forward:
             self._goals,
             self.evaluate.size,
             hidden,
+            groups,
         )
 
     def run(self, effort: Effort) -> SearchResult | None:
@@ -269,4 +271,5 @@ def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequenc
         landmarks=landmarks,
         patterns=() if task.axioms else patterns,
         axioms=task.axioms,
+        groups=task.mutex_groups,
     )

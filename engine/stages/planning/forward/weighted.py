@@ -29,9 +29,10 @@ class Weighted(Forward):
         *,
         landmarks: bool = False,
         axioms: Axioms | None = None,
+        groups: Sequence[Bits] = (),
     ) -> None:
         self._weight, self._limit = 1, UNKNOWN
-        super().__init__(operators, initial, goals, size, landmarks=landmarks, axioms=axioms)
+        super().__init__(operators, initial, goals, size, landmarks=landmarks, axioms=axioms, groups=groups)
 
     def _begin(self, seed: int) -> None:
         super()._begin(seed)
@@ -90,7 +91,15 @@ class Weighted(Forward):
 def weighted(task: Task, *, landmarks: bool = False) -> Weighted:
     """The search for a task."""
     operators, goal, size = with_one_goal(task)
-    return Weighted(operators, task.initial, goal, size, landmarks=landmarks, axioms=task.axioms)
+    return Weighted(
+        operators,
+        task.initial,
+        goal,
+        size,
+        landmarks=landmarks,
+        axioms=task.axioms,
+        groups=task.mutex_groups,
+    )
 
 
 def within(operators: Sequence[GroundOperator], size: int) -> Weighted:

@@ -1,0 +1,97 @@
+"""Reasonable orders of landmarks: which of two is better reached first, since the other would have to be given up for it.
+
+If a goal is false whenever another landmark is reached, or just before, the goal is of no use earlier: it would be given up, and reached
+once more (Hoffmann, Porteous & Sebastia 2004; Richter & Westphal 2010). Unlike there, any landmark may come before a goal, not only
+another goal: so a block stays free for as long as another block beneath it is wanted. Orders can contradict one another; one
+that would close a circle is left out.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from engine.model.task import Bits, GroundOperator, indices
+
+
+class Reached(NamedTuple):
+    """What is known of the moment in which a landmark is reached first, or again if it is true from the start.
+
+    `needed` are atoms that are true just before, `together` those that are true then.
+    """
+
+    needed: Bits
+    together: Bits
+
+
+def reached(
+    operators: Sequence[GroundOperator], initial: Bits, landmarks: Bits, before: Sequence[Bits | None]
+) -> dict[int, Reached]:
+    """What all operators share that can reach a landmark first. `before` has the landmarks of each atom, itself included."""
+    needed = dict.fromkeys(indices(landmarks), -1)
+    together = dict.fromkeys(indices(landmarks), -1)
+    for operator in operators:
+        own = operator.adds & landmarks
+        known = _known(operator.preconditions, before) if own else None
+        if known is None:
+            continue
+        after = operator.adds | operator.preconditions & ~operator.deletes
+        for atom in indices(own & (initial | ~known)):
+            needed[atom] &= operator.preconditions
+            together[atom] &= after
+    return {
+        atom: Reached(shared, together[atom]) if shared >= 0 else Reached(0, 1 << atom)
+        for atom, shared in needed.items()
+    }
+
+
+def _known(atoms: Bits, before: Sequence[Bits | None]) -> Bits | None:
+    """The landmarks of a conjunction; None if it cannot be reached."""
+    found = 0
+    for atom in indices(atoms):
+        own = before[atom]
+        if own is None:
+            return None
+        found |= own
+    return found
+
+
+def ordered(
+    goals: Bits, before: Mapping[int, Bits], moments: Mapping[int, Reached], groups: Sequence[Bits]
+) -> dict[int, Bits]:
+    """For each landmark those that shall be reached before it. `before` has those that must."""
+    found = dict(before)
+    for later, earlier in interfering(goals, moments, groups):
+        if not (found[earlier] >> later | found[later] >> earlier) & 1:
+            _add(found, earlier, later)
+    return found
+
+
+def interfering(
+    goals: Bits, moments: Mapping[int, Reached], groups: Sequence[Bits]
+) -> Iterator[tuple[int, int]]:
+    """Pairs of a goal and a landmark for which the goal has to be given up; first those of two goals."""
+    excluded = _excluded(groups)
+    conflicts = {}
+    for atom, moment in moments.items():
+        conflicts[atom] = 0
+        for other in indices(moment.needed | moment.together):
+            conflicts[atom] |= excluded.get(other, 0)
+    for earlier in sorted(moments, key=lambda each: not goals >> each & 1):
+        for later in indices(conflicts[earlier] & goals & ~(1 << earlier)):
+            yield later, earlier
+
+
+def _excluded(groups: Sequence[Bits]) -> dict[int, Bits]:
+    """For each atom those that are never true with it."""
+    found: dict[int, Bits] = {}
+    for group in groups:
+        for atom in indices(group):
+            found[atom] = found.get(atom, 0) | group & ~(1 << atom)
+    return found
+
+
+def _add(found: dict[int, Bits], earlier: int, later: int) -> None:
+    """One more order, and those that follow from it."""
+    more = found[earlier] | 1 << earlier
+    for each, known in found.items():
+        if each == later or known >> later & 1:
+            found[each] = known | more
