@@ -229,7 +229,7 @@ CELLS = (
             Figure(22, "delay of events, 95th percentile", said(r'"delay ms, 95 %": ([\d.]+)'), "ms", 300.0),
             Figure(22, "events lost or doubled", said(r'"lost or doubled": (\d+)'), "", 0.0, noise=EXACT),
         ),
-        (6, 10), ("nicegui", "playwright"),
+        (6, 10), ("nicegui", "playwright", "httpx"),
     ),
     Part(
         "editor", "benchmarks/language_server.py", ("--edits", "100", "--rounds", "4", "--output", "{json}"), ("--output", "{json}"),

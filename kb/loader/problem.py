@@ -16,7 +16,8 @@ from kb.model.bindings import free_variables
 from kb.model.conditions import TRUE, And, Condition
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, is_ground, variables
+from kb.model.quantities import misvalued
+from kb.terms import Atom, Function, Number, is_ground, variables
 
 
 def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: Findings) -> Problem:
@@ -45,6 +46,7 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
 
 def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) -> Iterator[Atom]:
     seen: set[Atom] = set()
+    values: dict[Function, int] = {}
     for node in reader.items(section):
         expression = reader.parse("atoms", node)
         if expression is None:
@@ -64,7 +66,19 @@ def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) 
                 names.findings.add(node.where, "K111", message, hint, warning=True)
             else:
                 seen.add(atom)
+                _note_value(atom, values, expression, names)
                 yield atom
+
+
+def _note_value(atom: Atom, values: dict[Function, int], expression: Expression, names: Names) -> None:
+    """Note the value that a fact gives a quantity. A second one, and one out of range, are reported."""
+    bounds = names.quantities.get(atom.name)
+    if bounds is None or not atom.arguments or not isinstance(atom.arguments[-1], Number):
+        return
+    if (wrong := misvalued(atom, bounds, values)) is not None:
+        code, message, hint = wrong
+        names.findings.add(expression.place(atom), code, message, hint)
+    values[Function(atom.name, atom.arguments[:-1])] = atom.arguments[-1].value
 
 
 def _durations(reader: Reader, domain: Domain, names: Names) -> dict[Function, int]:

@@ -61,6 +61,27 @@ def within(value: Term, bounds: Quantity) -> list[Comparison]:
     return found
 
 
+def misvalued(fact: Atom, bounds: Quantity, known: Mapping[Function, int]) -> tuple[str, str, str] | None:
+    """What is wrong with the value that a fact gives a quantity, as code, message and hint; None if it is right. `known` are the
+    values of other facts."""
+    *arguments, value = fact.arguments
+    quantity = Function(fact.name, tuple(arguments))
+    if not isinstance(value, Number):
+        return None
+    if known.get(quantity, value.value) != value.value:
+        message = f"{quantity} has two values, {known[quantity]} and {value}"
+        return "K115", message, "leave one of the facts out"
+    low, high = bounds.low, bounds.high
+    if (low is None or low <= value.value) and (high is None or value.value <= high):
+        return None
+    ends = ("" if end is None else str(end) for end in (low, high))
+    return (
+        "K113",
+        f"{quantity} is {value}, which is not within {'..'.join(ends)}",
+        "change the fact, or the range",
+    )
+
+
 def change(
     quantity: Function, new: Term, values: Values, bounds: Quantity, fresh: Fresh
 ) -> tuple[Effect, Effect]:

@@ -189,12 +189,18 @@ def test_what_is_wrong_with_a_quantity_is_told(old: str, new: str, code: str, tm
 
 
 @pytest.mark.parametrize(
-    ("fact", "code"), [('"level(a, 9)"', "K113"), ('"level(a, 1)", "level(a, 2)"', "K115"), ("", "K115")]
+    ("fact", "code", "line"),
+    [
+        ('"level(a, 9)"', "K113", "level(a, 9)"),
+        ('"level(a, 1)", "level(a, 2)"', "K115", "level(a, 1)"),
+        ("", "K115", "problem:"),
+    ],
 )
-def test_a_quantity_has_one_value_within_its_range(fact: str, code: str, tmp_path: Path) -> None:
+def test_a_quantity_has_one_value_within_its_range(fact: str, code: str, line: str, tmp_path: Path) -> None:
     problem = PROBLEM.format(one=1, two=2, a=0, b=5, goal="level(a) = 5").replace(
         '"level(a, 0)",', f"{fact},".lstrip(",")
     )
     with pytest.raises(InvalidInput) as refused:
         planning.plan(loaded(FINE, problem, str(tmp_path)))
-    assert code in {each.code for each in refused.value.diagnostics}
+    (found,) = (each for each in refused.value.diagnostics if each.code == code)
+    assert line in found.where.text

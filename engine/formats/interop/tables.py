@@ -5,6 +5,7 @@ import io
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from engine.model.measurement import Inspection, MeasurementPoint
@@ -22,6 +23,19 @@ NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 FARTHEST_M = 2_147.0  # the language has whole numbers of 32 bits, and positions are in micrometres
 MARKS = ",;\t"
 HINT = f"the first line has {', '.join(NEEDED)}, and any of {', '.join(OPTIONAL)}"
+
+
+@dataclass(frozen=True)
+class _Head:
+    """The first line: the columns as they are `written`, and without their units, and what lengths are given in."""
+
+    written: Sequence[str]
+    columns: Sequence[str]
+    units: Mapping[str, float]
+
+    def called(self, column: str) -> str:
+        """A column as it is written."""
+        return self.written[self.columns.index(column)] if column in self.columns else column
 
 
 def unit_m(unit: str) -> float:
@@ -44,13 +58,14 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
         io.StringIO(file.text, newline=None), delimiter=next((mark for mark in MARKS if mark in head), ",")
     )
     try:
-        columns = [_plain(each.strip().lower(), units) for each in next(rows, [])]
-        wrong = _columns(columns, file)
+        written = [each.strip() for each in next(rows, [])]
+        columns = [_plain(each.lower(), units) for each in written]
+        wrong, first = _columns(columns, file), _Head(written, columns, units)
         found = (
             []
             if wrong
             else [
-                _row(row, columns, file.line(rows.line_num, 1), units, f"p{number}")
+                _row(row, first, file.line(rows.line_num, 1), f"p{number}")
                 for number, row in enumerate(filter(any, rows), 1)
             ]
         )
@@ -104,19 +119,20 @@ def _repeated(points: Sequence[tuple[MeasurementPoint, Source]]) -> list[Diagnos
 
 
 def _row(
-    row: Sequence[str], columns: Sequence[str], where: Source, units: Mapping[str, float], name: str
+    row: Sequence[str], head: _Head, where: Source, name: str
 ) -> tuple[MeasurementPoint, Source] | Diagnostic:
+    columns = head.columns
     if len(row) > len(columns) and any(each.strip() for each in row[len(columns) :]):
         return _wrong(
             where, f"{len(row)} cells in {len(columns)} columns", "write 1.5 with a point, not a comma"
         )
     cells = {"name": name} if "name" not in columns else {}
     cells |= {key: text.strip() for key, text in zip(columns, row, strict=False)}
-    bad = next(_bad_numbers(cells), None)
+    bad = next(_bad_numbers(cells, head), None)
     if bad is not None:
         return _wrong(where, *bad)
     values = {key: decimal(cells[key]) for key in NUMBERS if cells.get(key)}
-    values |= {key: values[key] * units[key] for key in LENGTHS if key in values}
+    values |= {key: values[key] * head.units[key] for key in LENGTHS if key in values}
     if (message := _senseless(cells.get("name", ""), cells.get("kind", ""), values)) is not None:
         return _wrong(where, *message)
     length = math.hypot(values["nx"], values["ny"], values["nz"])
@@ -134,17 +150,20 @@ def _row(
     return point, where
 
 
-def _bad_numbers(cells: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+def _bad_numbers(cells: Mapping[str, str], head: _Head) -> Iterator[tuple[str, str]]:
     """What is wrong with the numbers of a row, and what to try."""
     for key in NUMBERS:
         text = cells.get(key, "")
         if not text and key in NEEDED:
-            yield f"no number in the column '{key}'", "every point needs a position and a normal"
+            yield f"no number in the column '{head.called(key)}'", "every point needs a position and a normal"
         elif text:
             try:
                 decimal(text)
             except NumberError as error:
-                yield f"'{text[:DIGITS]}' {error}", f"the column '{key}' needs a number such as 1.5"
+                yield (
+                    f"'{text[:DIGITS]}' {error}",
+                    f"the column '{head.called(key)}' needs a number such as 1.5",
+                )
 
 
 def _senseless(name: str, kind: str, values: Mapping[str, float]) -> tuple[str, str] | None:

@@ -94,12 +94,10 @@ def plan_moving(
             outcome = _without(run.outcome, refused)
             if left is problem and lost and isinstance(outcome, Infeasible):
                 outcome = replace(outcome, reason=NOTHING_LEFT)
-            given_up = given_up or all_lost(problem, lost)
-            return Moving(Run(outcome), problem, (), tuple(refused), given_up)
+            return Moving(Run(outcome), problem, (), tuple(refused), given_up or all_lost(problem, lost))
         steps = list(walk.steps(run.outcome.plan))
         if steps and isinstance(steps[-1], Unmoved):
-            refused.append(steps[-1])
-            last = run
+            refused, last = [*refused, steps[-1]], run
             continue
         moved = [each for each in steps if isinstance(each, MovedStep)]
         made = _in_real_time(_Asked(left, asked, walk), run, moved, refused)

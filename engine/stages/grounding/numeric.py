@@ -8,13 +8,12 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from kb.arithmetic import compare
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.bindings import free_variables
 from kb.model.conditions import And, Body, Comparison, Condition, Exists, ForAll, Literal, Not, Or, goal_parts
 from kb.model.domain import Domain, Operator
 from kb.model.problem import Problem
-from kb.model.quantities import within
+from kb.model.quantities import misvalued
 from kb.terms import (
     Atom,
     Function,
@@ -92,16 +91,10 @@ def _note_values(problem: Problem, facts: Sequence[Atom], initial: dict[Function
     wrong: list[Diagnostic] = []
     for atom in facts:
         *rest, value = atom.arguments
-        quantity, bounds = Function(atom.name, tuple(rest)), problem.domain.quantities[atom.name]
         assert isinstance(value, Number)
-        if quantity in initial:
-            message = f"{quantity} has two values, {initial[quantity]} and {value}"
-            wrong.append(Diagnostic(problem.where, "K115", message, "leave one of the facts out"))
-        elif not all(compare(each.left, each.relation, each.right) for each in within(value, bounds)):
-            ends = ("" if end is None else str(end) for end in (bounds.low, bounds.high))
-            message = f"{quantity} is {value}, which is not within {'..'.join(ends)}"
-            wrong.append(Diagnostic(problem.where, "K113", message, "change the fact, or the range"))
-        initial[quantity] = value.value
+        if (found := misvalued(atom, problem.domain.quantities[atom.name], initial)) is not None:
+            wrong.append(Diagnostic(problem.where, *found))
+        initial[Function(atom.name, tuple(rest))] = value.value
     if wrong:
         raise InvalidInput(wrong)
 

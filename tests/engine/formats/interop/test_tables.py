@@ -106,3 +106,15 @@ def test_a_column_with_two_units_is_refused(tmp_path: Path) -> None:
     table.write_text("x_m,x_mm,y,z,nx,ny,nz\n0.5,500,2,3,1,0,0\n", "utf-8")
     with pytest.raises(InvalidInput, match="the column 'x' is there twice"):
         read_table(table)
+
+
+@pytest.mark.parametrize(
+    ("cell", "said"), [("", "no number in the column 'Z_m'"), ("3o", "the column 'Z_m' needs")]
+)
+def test_a_column_is_called_as_the_table_calls_it(tmp_path: Path, cell: str, said: str) -> None:
+    table = tmp_path / "points.csv"
+    table.write_text(f"x_m,y,Z_m,nx,ny,nz\n0.5,2,{cell},1,0,0\n", "utf-8")
+    with pytest.raises(InvalidInput) as refused:
+        read_table(table)
+    (found,) = refused.value.diagnostics
+    assert said in f"{found.message} {found.hint}"
