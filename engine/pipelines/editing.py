@@ -11,6 +11,7 @@ from pathlib import Path
 
 from engine.pipelines.checking import check
 from engine.stages.grounding import ground
+from kb.asp.excerpt import excerpt
 from kb.check.faults import check_faults
 from kb.diagnostics import Diagnostic, InvalidInput, in_order
 from kb.files import is_file, reading
@@ -139,7 +140,7 @@ def _examples(problem: Problem | None) -> dict[str, str]:
     if problem is None:
         return {}
     try:
-        task = ground(problem)
+        task = ground(excerpt(problem))
     except InvalidInput:
         return {}
     steps = {each.instance.name: str(each.instance) for each in reversed(task.operators)}

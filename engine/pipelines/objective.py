@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from engine.model.measurements import is_put_in_order
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
-from engine.pipelines.planning import in_the_order_named, planned
-from engine.stages.grounding import ground
+from engine.pipelines.planning import in_the_order_named, planned, task_for
 from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
 from kb.model.plan import Plan, StepId
@@ -117,7 +116,7 @@ def scheduled(
     """`plan` for an outcome that is known already, and for its ground `task` if that is. Raises `InvalidInput`."""
     if not isinstance(outcome, Found) or not _lasts(outcome.plan):
         return Run(outcome)
-    return _run(problem, task or ground(problem), outcome, limits, objective)
+    return _run(problem, task or task_for(problem, outcome.plan), outcome, limits, objective)
 
 
 def fastest(

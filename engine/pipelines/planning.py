@@ -21,6 +21,7 @@ from engine.stages.planning import plan as plan_task
 from kb.asp.excerpt import excerpt
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.domain import Operator
+from kb.model.likeness import names
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.targets import find
@@ -113,6 +114,11 @@ def in_the_order_named(problem: Problem, plan: Plan) -> Plan:
 
 def _ordered(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
     return in_the_order_said(gate.semantics(problem), plan, lambda other: not gate.findings(problem, other))
+
+
+def task_for(problem: Problem, plan: Plan) -> Task:
+    """The ground task in which a plan is looked at: without most objects that it does not name and of which many are alike."""
+    return ground(excerpt(problem, {name for step in plan.steps for name in names(step.operator)}))
 
 
 def searched(

@@ -13,11 +13,11 @@ from engine.pipelines.execution.planned import SHORT, Ready, ready
 from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.gate import PlanGate
+from engine.pipelines.planning import task_for
 from engine.pipelines.revision.remaining import left_over
 from engine.pipelines.simulation import SymbolicWorld, WorldState
 from engine.pipelines.timetable import operators_of
 from engine.stages.execution import Running, Standing, standing_of
-from engine.stages.grounding import ground
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.scheduling.blocks import Unstructured
 from kb.model.plan import Plan, Step, StepId
@@ -81,8 +81,9 @@ def _ordered(here: Problem, first: Sequence[Step], rest: Sequence[Step]) -> Plan
     """The plan of both with only the orders that it needs; where these cannot be found, the rest waits for all of the first."""
     if first and len(first) + len(rest) <= SHORT:
         try:
-            task = ground(here)
-            plan = deorder(task, *operators_of(task, Plan((*first, *rest))))
+            both = Plan((*first, *rest))
+            task = task_for(here, both)
+            plan = deorder(task, *operators_of(task, both))
         except Unstructured:
             pass
         else:

@@ -8,11 +8,11 @@ from engine.model.schedule import Timetable
 from engine.model.windows import begun, outside
 from engine.pipelines.execution.compiling import Compiled, compiled, situation_of, unit_ms
 from engine.pipelines.gate import PlanGate
+from engine.pipelines.planning import task_for
 from engine.pipelines.stays import stays_of
 from engine.pipelines.timetable import from_then_on, timed
 from engine.pipelines.timetable.kept import kept
 from engine.pipelines.timetable.wishes import wishes_for
-from engine.stages.grounding import ground
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.planning import Limits
 from engine.stages.scheduling import ScheduleLimits
@@ -77,7 +77,9 @@ def again(
     starts: Mapping[StepId, int] | None = None
     if len(plan.steps) <= SHORT:
         work = ScheduleLimits(WORK, limits.seed, interrupted=limits.interrupted)
-        made = timed(problem, ground(problem), plan, work, busy, int(begin_ms // unit_ms(problem.domain)))
+        made = timed(
+            problem, task_for(problem, plan), plan, work, busy, int(begin_ms // unit_ms(problem.domain))
+        )
         if isinstance(made, Timetable):
             plan, starts = made.plan, made.starts
     return ready(problem, plan, starts, begin_ms, since=since)

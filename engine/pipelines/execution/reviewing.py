@@ -17,12 +17,12 @@ from engine.pipelines.execution.joining import Joined, ahead, joined, left_behin
 from engine.pipelines.execution.planned import SHORT, Ready, again, in_windows, ready
 from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
+from engine.pipelines.planning import task_for
 from engine.pipelines.simulation import Dynamics, WorldState
 from engine.pipelines.timetable import keeping, operators_of
 from engine.pipelines.troubleshooting.recovery import recover
 from engine.stages.execution import Program, Standing
 from engine.stages.execution.outlook import in_order
-from engine.stages.grounding import ground
 from engine.stages.planning import Limits
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.scheduling.blocks import Unstructured
@@ -218,7 +218,7 @@ def _is_sooner(course: Progress, first: Plan, target: int, unit: Fraction) -> bo
 def _one(rest: Problem, steps: tuple[Step, ...]) -> Plan:
     """One plan of steps in a sequence, with the orders that it needs."""
     plan = in_sequence(Plan(tuple(replace(s, id=StepId(n + 1), after=()) for n, s in enumerate(steps))))
-    task = ground(rest)
+    task = task_for(rest, plan)
     try:
         return deorder(task, *operators_of(task, plan))
     except Unstructured:

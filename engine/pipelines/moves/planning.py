@@ -24,15 +24,14 @@ from engine.pipelines.moves.walking import Walk, Ways
 from engine.pipelines.objective import Run
 from engine.pipelines.parts.patching import patched
 from engine.pipelines.places import measured_at
+from engine.pipelines.planning import task_for
 from engine.pipelines.timetable import keeping, own_order, timed
 from engine.pipelines.timetable.kept import LONG
 from engine.pipelines.timetable.orders import by_step
 from engine.pipelines.timetable.wishes import wishes_for
 from engine.ports import GeometryBackend
-from engine.stages.grounding import ground
 from engine.stages.planning import Limits
 from engine.stages.scheduling.blocks import mentions
-from kb.asp.excerpt import excerpt
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Cell
 from kb.model.plan import Plan, StepId
@@ -171,7 +170,7 @@ def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequ
         if settled:
             return _made(asked, run, table, steps, refused)
     barred, plan = with_times(asked.barred, plan, steps)
-    table = own_order(barred, ground(excerpt(barred)), plan)
+    table = own_order(barred, task_for(barred, plan), plan)
     return _made(asked, run, table, steps, refused)
 
 
@@ -245,5 +244,5 @@ def _scheduled(problem: Problem, plan: Plan, run: Run) -> Timetable | None:
     """The plan in the best order that is found with these times; a sequence of measurements keeps its order."""
     if run.itinerary is not None or len(plan.steps) > LONG:
         return keeping(problem, plan)
-    made = timed(problem, ground(excerpt(problem)), plan)
+    made = timed(problem, task_for(problem, plan), plan)
     return made if isinstance(made, Timetable) else None

@@ -13,7 +13,7 @@ from engine.model.replay import Instances, instances, reached_at_the_end, replay
 from engine.model.stages import STAGE, stage_atom
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.pipelines.gate import PlanGate
-from engine.stages.grounding import ground
+from engine.pipelines.planning import task_for
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import CellDomain
 from kb.model.plan import Plan
@@ -36,7 +36,7 @@ class Course:
         """Ground the problem once, so that revisions need not ground it again. Raises `InvalidInput`."""
         gate = PlanGate()
         start = Situation.of(CellDomain(problem), gate.semantics(problem).initial())
-        return cls(problem, plan, ground(problem), start, gate)
+        return cls(problem, plan, task_for(problem, plan), start, gate)
 
     @cached_property
     def index(self) -> Mapping[Atom, int]:

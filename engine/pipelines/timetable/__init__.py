@@ -14,7 +14,7 @@ from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
 from engine.model.schedule import Timetable
 from engine.model.task import Task
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import plan_in, planned, problem_of
+from engine.pipelines.planning import plan_in, planned, problem_of, task_for
 from engine.pipelines.timetable.blocked import BLOCKS, by_blocks
 from engine.pipelines.timetable.blocked import operators_of as operators_of
 from engine.pipelines.timetable.hands import arms_in, by_other_hands
@@ -23,7 +23,6 @@ from engine.pipelines.timetable.orders import Steps, in_its_order
 from engine.pipelines.timetable.spares import with_one_of_each
 from engine.pipelines.timetable.wishes import wishes_for
 from engine.pipelines.timetable.wishes import wishes_of as wishes_of
-from engine.stages.grounding import ground
 from engine.stages.planning import Limits
 from engine.stages.scheduling import ScheduleLimits
 from engine.stages.scheduling.blocks import Unstructured
@@ -57,7 +56,7 @@ def timetable(
     if plan is not None and len(plan.steps) > LONG:
         long = keeping(problem, _sound(PlanGate(), problem, plan))
         return replace(long, statistics=Statistics({}, {"in all": time.perf_counter() - started}))
-    outcome, task = (Found(plan), ground(problem)) if plan is not None else planned(problem, planning)
+    outcome, task = (Found(plan), task_for(problem, plan)) if plan is not None else planned(problem, planning)
     if not isinstance(outcome, Found):
         return outcome
     before = time.perf_counter()

@@ -137,10 +137,10 @@ def test_the_solver_adds_the_ways_of_a_motion_as_well(problem: Problem) -> None:
 def test_long_plans_are_timed_without_grounding_and_their_charts_stay_small(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(_: Problem) -> None:
+    def refused(*_: object) -> None:
         raise AssertionError("a long plan was grounded")
 
-    monkeypatch.setattr(module, "ground", refused)
+    monkeypatch.setattr(module, "task_for", refused)
     made = timetable(problem, circling(LONG + 20))
     assert isinstance(made, Timetable)
     assert "more than 400 steps" in made.note

@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 
 from engine.model.execution import Order, Record, RecordKind
+from engine.model.task import Task
 from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
 from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.planning import problem_of
+from engine.stages.grounding import _Grounding, ground
 from kb.diagnostics import InvalidInput
 from kb.store.journal import Journal
 from tests.engine.pipelines.execution.cells import executed, planned
@@ -74,3 +76,40 @@ def test_a_wish_takes_the_place_of_an_older_one_and_counts_from_now() -> None:
         more = addition(problem, text, at_ms)
         problem = extended(problem, more.words, more.wishes)
     assert list(map(str, problem.statics)) == ["due(t4, 360)", "due(t3, 3660)"]
+
+
+def many_points(folder: Path, count: int) -> str:
+    """A bulkhead with many points, two of which are to be measured."""
+    facts = [
+        f"  - needs(m{n}, thickness)\n  - position(m{n}, {n * 7919 % 2000000}, {n}, 0)"
+        for n in range(1, count + 1)
+    ]
+    text = (
+        f"problem: many\ndomain: bulkhead\nobjects:\n  measurement: [m1..{count}]\nstatics:\n"
+        + "\n".join(facts)
+        + "\n"
+        "initial:\n  - at(t3_746, approach_point(rack(us_probe)))\n"
+        "goals:\n  - measured(_, _, meas(m5))\n  - measured(_, _, meas(m9))\n"
+    )
+    (folder / "many.yaml").write_text(text, "utf-8")
+    return str(folder / "many.yaml")
+
+
+def test_only_what_plans_name_of_many_points_is_grounded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes = list[int]()
+
+    def counted(self: _Grounding) -> Task:
+        made = whole(self)
+        sizes.append(len(made.operators))
+        return made
+
+    whole = _Grounding.task
+    monkeypatch.setattr(_Grounding, "task", counted)
+    ending, records, _ = executed(many_points(tmp_path, 60), orders=added("measure m40", 3_000))
+    assert ending.outcome == "reached"
+    assert "us_measure(us_probe, t3_746, m40)" in [each.content.get("action") for each in records]
+    named = max(sizes)
+    ground(problem_of(many_points(tmp_path, 60)))
+    assert named * 10 < sizes[-1]
