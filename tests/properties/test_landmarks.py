@@ -10,12 +10,14 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from engine.formats.interop.pddl import read_pddl
-from engine.model.task import Bits, Task, indices, progress
+from engine.model.task import Bits, GroundOperator, Task, indices, progress
 from engine.stages.grounding import ground
-from engine.stages.planning.forward.landmarks import Landmarks
+from engine.stages.planning.forward.disjunctive import kinds_of
+from engine.stages.planning.forward.landmarks import Hints, Landmarks
 from engine.stages.planning.forward.orders import Reached, interfering, ordered
 from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
+from kb.terms import Function
 from tests.properties.problems import problems
 
 DILIGENT = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
@@ -82,12 +84,12 @@ def plain(problem: Problem) -> Task:
 
 
 def of(task: Task) -> Landmarks:
-    return Landmarks(task.operators, task.initial, task.goals[0], len(task.atoms), groups=task.mutex_groups)
+    return Landmarks(task.operators, task.initial, task.goals[0], len(task.atoms), hints=Hints.of(task))
 
 
-def transitions(task: Task, landmark: int) -> Iterator[tuple[Seen, Bits]]:
-    """Every transition that can be made from the start, as the state before and the one after."""
-    start = task.initial, bool(task.initial >> landmark & 1)
+def transitions(task: Task, landmark: Bits) -> Iterator[tuple[Seen, Bits]]:
+    """Every transition that can be made from the start, as the state before and the one after. A landmark is one of some atoms."""
+    start = task.initial, bool(task.initial & landmark)
     seen, waiting = {start}, [start]
     while waiting:
         state, known = waiting.pop()
@@ -95,7 +97,7 @@ def transitions(task: Task, landmark: int) -> Iterator[tuple[Seen, Bits]]:
             if operator.preconditions & ~state == 0:
                 after = progress(state, operator)
                 yield (state, known), after
-                then = after, known or bool(after >> landmark & 1)
+                then = after, known or bool(after & landmark)
                 if then not in seen:
                     seen.add(then)
                     waiting.append(then)
@@ -106,9 +108,10 @@ def transitions(task: Task, landmark: int) -> Iterator[tuple[Seen, Bits]]:
 def test_every_state_in_which_the_goals_hold_comes_after_every_landmark(problem: Problem) -> None:
     task = plain(problem)
     landmarks = of(task)
-    for landmark in indices(landmarks.all & ~task.initial):
-        for (_, known), after in transitions(task, landmark):
-            assert known or after >> landmark & 1 or task.goals[0] & ~after
+    single = (1 << atom for atom in indices(landmarks.all & ~task.initial))
+    for atoms in [*single, *landmarks.sets]:
+        for (_, known), after in transitions(task, atoms):
+            assert known or after & atoms or task.goals[0] & ~after
 
 
 @given(FAMILIES)
@@ -118,7 +121,7 @@ def test_a_goal_does_not_stay_true_when_a_landmark_is_reached_that_is_better_fir
     landmarks = of(task)
     for later, earlier in interfering(task.goals[0], landmarks.moments, task.mutex_groups):
         again = bool(task.initial >> earlier & 1)
-        for (before, known), after in transitions(task, earlier):
+        for (before, known), after in transitions(task, 1 << earlier):
             if after >> earlier & 1 and not before >> earlier & 1 and (again or not known):
                 assert not (before & after) >> later & 1
 
@@ -138,6 +141,23 @@ def test_the_lower_one_of_two_blocks_is_stacked_first() -> None:
     moments = {upper: Reached(1 << clear, 1 << upper), lower: Reached(1 << holding, 1 << lower | 1 << clear)}
     groups = [1 << upper | 1 << clear | 1 << holding]
     assert ordered(0b11, {upper: 0, lower: 0}, moments, groups) == {upper: 1 << lower, lower: 0}
+
+
+def test_one_of_several_hands_is_a_landmark() -> None:
+    atoms = [Function("holds", (Function("left"),)), Function("holds", (Function("right"),))]
+    atoms += [Function("there"), Function("ready")]
+    left, right, there, ready = (1 << number for number in range(4))
+    steps = [("take_left", ready, left), ("take_right", ready, right)]
+    steps += [("put_left", left, there), ("put_right", right, there)]
+    operators = [GroundOperator(Function(name), needs, adds, 0) for name, needs, adds in steps]
+    found = Landmarks(operators, ready, there, 4, hints=Hints((), kinds_of(atoms)))
+    assert found.sets == [left | right]
+    assert found.before == {2: 1 << 4, 3: 0, 4: 0}  # the set has the number 4
+    begun = found.accept(found.none, bytes([ready]))
+    assert found.left(begun, bytes([ready])) == 2
+    held = found.accept(begun, bytes([ready | left]))
+    assert found.left(held, bytes([ready | left])) == 1
+    assert found.left(held, bytes([ready])) == 1  # put away again, it does not count
 
 
 def test_a_goal_that_will_be_in_the_way_counts_only_once_it_is_not() -> None:

@@ -49,11 +49,14 @@ cdef class RelaxedPlans:
 @cython.final
 cdef class LandmarkCount:
     cdef int count, goal_count
-    cdef int[::1] atoms, goals, again
-    cdef Rows before, just_before
+    cdef int[::1] goals, again
+    cdef Rows atoms, before, just_before
 
-    @cython.locals(landmark=int, atom=int, place=int, earlier=int, after="unsigned char[::1]")
+    @cython.locals(landmark=int, place=int, earlier=int, after="unsigned char[::1]")
     cpdef bytes accept(self, const unsigned char[::1] accepted, const unsigned char[::1] state)
 
-    @cython.locals(landmark=int, index=int, place=int, atom=int, open_=int, again=int)
+    @cython.locals(landmark=int, index=int, place=int, open_=int, again=int)
     cpdef int left(self, const unsigned char[::1] accepted, const unsigned char[::1] state)
+
+    @cython.locals(place=int, atom=int)
+    cdef bint _is_true(self, int landmark, const unsigned char[::1] state) noexcept

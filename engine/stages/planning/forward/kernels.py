@@ -231,14 +231,14 @@ class RelaxedPlans:
 class LandmarkCount:
     """Counts the landmarks that a path still has to visit, or has to visit again.
 
-    Landmark i is the atom `atoms[i]`. `before` has for each landmark the landmarks that come before it,
+    Landmark i is true when one of the atoms in row i of `atoms` is. `before` has for each landmark the landmarks that come before it,
     `just_before` those that all its achievers need. `goals` are landmarks. A set of landmarks is a row of
     bytes, like a set of atoms.
     """
 
-    def __init__(self, atoms: Sequence[int], before: Rows, just_before: Rows, goals: Sequence[int]) -> None:
-        self.count, self.goal_count = len(atoms), len(goals)
-        self.atoms, self.goals = array("i", atoms), array("i", goals)
+    def __init__(self, atoms: Rows, before: Rows, just_before: Rows, goals: Sequence[int]) -> None:
+        self.count, self.goal_count = atoms.count, len(goals)
+        self.atoms, self.goals = atoms, array("i", goals)
         self.before, self.just_before = before, just_before
         self.again = ints(self.count)
 
@@ -249,8 +249,7 @@ class LandmarkCount:
         """
         after = bytearray(accepted)
         for landmark in range(self.count):
-            atom = self.atoms[landmark]
-            if not after[landmark >> 3] >> (landmark & 7) & 1 and state[atom >> 3] >> (atom & 7) & 1:
+            if not after[landmark >> 3] >> (landmark & 7) & 1 and self._is_true(landmark, state):
                 for place in range(self.before.starts[landmark], self.before.starts[landmark + 1]):
                     earlier = self.before.items[place]
                     if not after[earlier >> 3] >> (earlier & 7) & 1:
@@ -277,6 +276,12 @@ class LandmarkCount:
                     self.again[self.just_before.items[place]] = 1
         for landmark in range(self.count):
             if self.again[landmark] and accepted[landmark >> 3] >> (landmark & 7) & 1:
-                atom = self.atoms[landmark]
-                again += not state[atom >> 3] >> (atom & 7) & 1
+                again += not self._is_true(landmark, state)
         return open_ + again
+
+    def _is_true(self, landmark: int, state: Sequence[int]) -> bool:
+        for place in range(self.atoms.starts[landmark], self.atoms.starts[landmark + 1]):
+            atom = self.atoms.items[place]
+            if state[atom >> 3] >> (atom & 7) & 1:
+                return True
+        return False

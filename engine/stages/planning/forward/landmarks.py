@@ -3,25 +3,43 @@
 An atom's landmarks are the atom itself and the landmarks that all its achievers have in common; an achiever
 has the landmarks of all its preconditions (Zhu & Givan 2003; Keyder, Richter & Helmert 2010). They are
 computed as a greatest fixpoint over bitsets. Counting follows Richter & Westphal 2010: a landmark is accepted
-when it is true and all landmarks before it are accepted; reasonable orders (`orders`) count, too. An accepted landmark
-that is false counts again if it is a goal, or if a landmark that is not accepted needs it just before.
+when it is true and all landmarks before it are accepted; reasonable orders (`orders`) count, too, and so do sets
+of atoms of which one is a landmark (`disjunctive`). An accepted landmark
+that is false counts again if it is a goal, or if a landmark that is not accepted needs it just before. Sets never
+count again: which of their atoms is needed is decided already.
 """
 
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
-from engine.model.task import Bits, GroundOperator, indices
+from engine.model.task import Bits, GroundOperator, Task, indices
+from engine.stages.planning.forward.achievers import Achievers
+from engine.stages.planning.forward.disjunctive import Disjunctions, kinds_of
 from engine.stages.planning.forward.kernels import LandmarkCount, Rows
-from engine.stages.planning.forward.orders import ordered, reached
+from engine.stages.planning.forward.orders import add, ordered, reached
 
 MAX_WORK = 3_000_000  # visits of operators that the fixpoint may take
 
 
-class Landmarks:
-    """The landmarks of a conjunction of goals: `all` is their set of atoms, `before` those that shall be reached before each,
-    `moments` what is known of reaching each. No atom is `hidden`.
+class Hints(NamedTuple):
+    """What finds landmarks and their orders beside operators: mutex groups, and a number for the predicate of each atom."""
 
-    With mutex `groups` there are reasonable orders, too. If it takes too much work to find them, only the goals are
-    landmarks. Accepted landmarks are a row of bytes, as in `LandmarkCount`.
+    groups: Sequence[Bits] = ()
+    kinds: Sequence[int] = ()
+
+    @classmethod
+    def of(cls, task: Task) -> "Hints":
+        """Those of a task."""
+        return cls(task.mutex_groups, kinds_of(task.atoms))
+
+
+class Landmarks:
+    """The landmarks of a conjunction of goals: `all` is the set of atoms that are landmarks, `sets` the sets of atoms of which one is.
+    `before` are those that shall be reached before each, and `moments` what is known of reaching an atom. A set has a number
+    behind those of all atoms.
+
+    If it takes too much work to find them, only the goals are landmarks. No atom is `hidden`. Accepted landmarks are a row of
+    bytes, as in `LandmarkCount`.
     """
 
     def __init__(
@@ -31,31 +49,47 @@ class Landmarks:
         goals: Bits,
         size: int,
         hidden: Bits = 0,
-        groups: Sequence[Bits] = (),
+        hints: Hints = Hints(),
     ) -> None:
         self.operators, self.initial, self.goals, self.size = operators, initial, goals, size
-        self._before = self._fixpoint()
+        before = self._fixpoint()
         self.all = goals
         for goal in indices(goals):
-            self.all |= self._before[goal] or 0
+            self.all |= before[goal] or 0
         self.all &= ~hidden
-        self.moments = reached(operators, initial, self.all, self._before)
-        kept = self.all & ~initial  # what is true from the start comes first, unless it is reached again
-        must = {atom: (self._before[atom] or 0) & kept & ~(1 << atom) for atom in self.moments}
-        self.before = ordered(goals, must, self.moments, groups)
+        achievers = Achievers(operators, before)
+        self.moments = reached(achievers, initial, self.all)
+        found = Disjunctions(achievers, self.all, initial, hints.kinds)
+        self.sets = found.sets
+        self.before = ordered(goals, self._must(achievers, found), self.moments, hints.groups)
         self._count = self._numbered()
-        self.none = bytes((self.all.bit_count() + 7) // 8)
+        self.none = bytes((len(self.before) + 7) // 8)
+
+    def _must(self, achievers: Achievers, found: Disjunctions) -> dict[int, Bits]:
+        """For each landmark those that are reached before it on every way. What is true from the start comes before nothing, unless
+        it has to be reached again."""
+        kept = self.all & ~self.initial
+        before = {atom: (achievers.landmarks[atom] or 0) & kept & ~(1 << atom) for atom in self.moments}
+        for number, atoms in enumerate(found.sets, found.first):
+            shared = kept
+            for operator in achievers.first(atoms):
+                shared &= achievers.needed(operator) or 0
+            before[number] = shared
+        for earlier, later in found.orders:
+            add(before, earlier, later)
+        return before
 
     def _numbered(self) -> LandmarkCount:
-        """The compiled kernel that counts. It numbers the landmarks in the order of their atoms."""
-        number = {atom: place for place, atom in enumerate(self.moments)}
+        """The compiled kernel that counts. It numbers the landmarks in the order of their atoms, then the sets."""
+        number = {each: place for place, each in enumerate(self.before)}
+        needed = [*(moment.needed & self.all for moment in self.moments.values()), *(0 for _ in self.sets)]
 
         def rows(sets: Iterable[Bits]) -> Rows:
-            return Rows([[number[atom] for atom in indices(each)] for each in sets])
+            return Rows([[number[each] for each in indices(own)] for own in sets])
 
-        just_before = (moment.needed & self.all for moment in self.moments.values())
+        atoms = Rows([*([atom] for atom in self.moments), *map(indices, self.sets)])
         goals = [number[goal] for goal in indices(self.goals)]
-        return LandmarkCount(list(number), rows(self.before.values()), rows(just_before), goals)
+        return LandmarkCount(atoms, rows(self.before.values()), rows(needed), goals)
 
     def _fixpoint(self) -> list[Bits | None]:
         """For each atom its landmarks, itself included; None if the atom is unreachable.

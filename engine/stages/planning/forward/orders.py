@@ -9,7 +9,8 @@ that would close a circle is left out.
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from engine.model.task import Bits, GroundOperator, indices
+from engine.model.task import Bits, indices
+from engine.stages.planning.forward.achievers import Achievers
 
 
 class Reached(NamedTuple):
@@ -22,35 +23,15 @@ class Reached(NamedTuple):
     together: Bits
 
 
-def reached(
-    operators: Sequence[GroundOperator], initial: Bits, landmarks: Bits, before: Sequence[Bits | None]
-) -> dict[int, Reached]:
-    """What all operators share that can reach a landmark first. `before` has the landmarks of each atom, itself included."""
-    needed = dict.fromkeys(indices(landmarks), -1)
-    together = dict.fromkeys(indices(landmarks), -1)
-    for operator in operators:
-        own = operator.adds & landmarks
-        known = _known(operator.preconditions, before) if own else None
-        if known is None:
-            continue
-        after = operator.adds | operator.preconditions & ~operator.deletes
-        for atom in indices(own & (initial | ~known)):
-            needed[atom] &= operator.preconditions
-            together[atom] &= after
-    return {
-        atom: Reached(shared, together[atom]) if shared >= 0 else Reached(0, 1 << atom)
-        for atom, shared in needed.items()
-    }
-
-
-def _known(atoms: Bits, before: Sequence[Bits | None]) -> Bits | None:
-    """The landmarks of a conjunction; None if it cannot be reached."""
-    found = 0
-    for atom in indices(atoms):
-        own = before[atom]
-        if own is None:
-            return None
-        found |= own
+def reached(achievers: Achievers, initial: Bits, landmarks: Bits) -> dict[int, Reached]:
+    """What all operators share that can reach a landmark first, or again if it is true from the start."""
+    found = {}
+    for atom in indices(landmarks):
+        needed = together = -1
+        for operator in achievers.of(1 << atom) if initial >> atom & 1 else achievers.first(1 << atom):
+            needed &= operator.preconditions
+            together &= operator.adds | operator.preconditions & ~operator.deletes
+        found[atom] = Reached(needed, together) if needed >= 0 else Reached(0, 1 << atom)
     return found
 
 
@@ -60,8 +41,7 @@ def ordered(
     """For each landmark those that shall be reached before it. `before` has those that must."""
     found = dict(before)
     for later, earlier in interfering(goals, moments, groups):
-        if not (found[earlier] >> later | found[later] >> earlier) & 1:
-            _add(found, earlier, later)
+        add(found, earlier, later)
     return found
 
 
@@ -89,8 +69,10 @@ def _excluded(groups: Sequence[Bits]) -> dict[int, Bits]:
     return found
 
 
-def _add(found: dict[int, Bits], earlier: int, later: int) -> None:
-    """One more order, and those that follow from it."""
+def add(found: dict[int, Bits], earlier: int, later: int) -> None:
+    """One more order, and those that follow from it; nothing if it is known, or would close a circle."""
+    if (found[earlier] >> later | found[later] >> earlier) & 1:
+        return
     more = found[earlier] | 1 << earlier
     for each, known in found.items():
         if each == later or known >> later & 1:

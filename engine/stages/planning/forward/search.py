@@ -17,7 +17,7 @@ from engine.stages.planning.composites import Pattern
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.forward.dominance import fronts
 from engine.stages.planning.forward.evaluation import Evaluation
-from engine.stages.planning.forward.landmarks import Landmarks
+from engine.stages.planning.forward.landmarks import Hints, Landmarks
 from engine.stages.planning.forward.suggestions import Suggestions
 from engine.stages.planning.ties import chance
 from kb.terms import Function
@@ -54,8 +54,8 @@ class Forward:
     Operators may have conditional effects. A successor is the number of an operator; one that repeats an operator has as many
     times the number of all operators added.
 
-    With `landmarks`, additional queues are ordered by the number of landmarks that are left, in reasonable orders by mutex
-    `groups`; they take turns with the queues ordered by relaxed plans. Then every operator counts as one step, because short plans are
+    With hints for `landmarks`, additional queues are ordered by the number of landmarks that are left; they take turns
+    with the queues ordered by relaxed plans. Then every operator counts as one step, because short plans are
     easier to find than cheap ones, and improvement makes them cheaper later. If all steps of an instance of
     `patterns` are in the relaxed plan of a state, the instance is used there as a preferred operator. With `joint` a step
     that serves many at once counts once in relaxed plans. Where a plan seems to cost `bound` or more, it is not followed; free
@@ -70,20 +70,21 @@ class Forward:
         size: int,
         seed: int = 0,
         *,
-        landmarks: bool = False,
+        landmarks: Hints | None = None,
         joint: bool = False,
         bound: int = UNKNOWN,
         patterns: Sequence[Pattern] = (),
         axioms: Axioms | None = None,
-        groups: Sequence[Bits] = (),
     ) -> None:
         self._goals = goals
         self._suggestions = Suggestions(operators, patterns) if patterns else None
         self.operators = self._suggestions.operators if self._suggestions else operators
-        self.evaluate = Evaluation(operators, goals, size, unit=landmarks, joint=joint, axioms=axioms)
+        self.evaluate = Evaluation(
+            operators, goals, size, unit=landmarks is not None, joint=joint, axioms=axioms
+        )
         self._space = self.evaluate.space
         self.initial = self._space.packed(initial)
-        self._landmarks = self._found_landmarks(size, groups) if landmarks else None
+        self._landmarks = self._found_landmarks(size, landmarks) if landmarks is not None else None
         self._given, self._axioms, self._bound = operators, axioms, bound
         self._begin(seed)
 
@@ -106,7 +107,7 @@ class Forward:
         fresh._begin(seed)
         return fresh
 
-    def _found_landmarks(self, size: int, groups: Sequence[Bits]) -> Landmarks:
+    def _found_landmarks(self, size: int, hints: Hints) -> Landmarks:
         hidden = (1 << self.evaluate.size) - (1 << size)
         return Landmarks(
             self.evaluate.operators,
@@ -114,7 +115,7 @@ class Forward:
             self._goals,
             self.evaluate.size,
             hidden,
-            groups,
+            hints,
         )
 
     def run(self, effort: Effort) -> SearchResult | None:
@@ -268,8 +269,7 @@ def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequenc
         goal,
         size,
         seed,
-        landmarks=landmarks,
+        landmarks=Hints.of(task) if landmarks else None,
         patterns=() if task.axioms else patterns,
         axioms=task.axioms,
-        groups=task.mutex_groups,
     )

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from engine.model.axioms import Axioms
 from engine.model.task import Bits, GroundOperator, Task
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from engine.stages.planning.forward.landmarks import Hints
 from engine.stages.planning.forward.search import UNKNOWN, Forward, with_one_goal
 
 
@@ -27,12 +28,11 @@ class Weighted(Forward):
         goals: Bits,
         size: int,
         *,
-        landmarks: bool = False,
+        landmarks: Hints | None = None,
         axioms: Axioms | None = None,
-        groups: Sequence[Bits] = (),
     ) -> None:
         self._weight, self._limit = 1, UNKNOWN
-        super().__init__(operators, initial, goals, size, landmarks=landmarks, axioms=axioms, groups=groups)
+        super().__init__(operators, initial, goals, size, landmarks=landmarks, axioms=axioms)
 
     def _begin(self, seed: int) -> None:
         super()._begin(seed)
@@ -96,9 +96,8 @@ def weighted(task: Task, *, landmarks: bool = False) -> Weighted:
         task.initial,
         goal,
         size,
-        landmarks=landmarks,
+        landmarks=Hints.of(task) if landmarks else None,
         axioms=task.axioms,
-        groups=task.mutex_groups,
     )
 
 
