@@ -43,16 +43,27 @@ class Facts:
         Untouched predicates are shared.
         """
         found = Facts((), self.below)
-        touched = {atom.name for atom in (*ends, *adds)}
-        found._by_name = self._by_name.copy()
-        found._indexes = {name: index for name, index in self._indexes.items() if name not in touched}
-        for name in touched:
+        found._by_name, found._indexes = self._by_name.copy(), self._indexes.copy()
+        for name in {atom.name for atom in (*ends, *adds)}:
             found._by_name[name] = dict(self._by_name.get(name, NONE))
+            if name in found._indexes:
+                found._indexes[name] = found._indexes[name].copy()
         for atom in ends:
-            found._by_name[atom.name].pop(atom, None)
+            if atom in found._by_name[atom.name]:
+                del found._by_name[atom.name][atom]
+                found._reindex(atom, ())
         for atom in adds:
-            found._by_name[atom.name][atom] = None
+            if atom not in found._by_name[atom.name]:
+                found._by_name[atom.name][atom] = None
+                found._reindex(atom, (atom,))
         return found
+
+    def _reindex(self, atom: Atom, now: tuple[Atom, ...]) -> None:
+        """Have an index list an atom anew, or no more. Its lists may be those of other facts, so they stay as they are."""
+        index = self._indexes.get(atom.name)
+        if index is not None:
+            for key in enumerate(atom.arguments):
+                index[key] = [each for each in index.get(key, ()) if each != atom] + [*now]
 
     def __contains__(self, atom: Atom) -> bool:
         return atom in self._extent(atom.name) or (self.below is not None and atom in self.below)
