@@ -64,15 +64,15 @@ def in_order(body: Body, bound: Iterable[Variable]) -> Body:
     while body:
         part, body = _next(body, known)
         found.append(part)
-        known |= dict.fromkeys(_named(part), _VALUE)
+        known |= dict.fromkeys(binds(part), _VALUE)
     return tuple(found)
 
 
-def _named(part: BodyPart) -> Iterator[Variable]:
-    """The variables that have values once a literal or a comparison is solved."""
+def binds(part: BodyPart) -> Iterator[Variable]:
+    """The variables that have values once a literal or a comparison is solved, beside those that had values before."""
     match part:
-        case Literal(atom):
-            terms: tuple[Term, ...] = (atom,)
+        case Literal(atom, positive):
+            terms: tuple[Term, ...] = (atom,) if positive else ()
         case Comparison(left, _, right):
             terms = (left, right)
         case _:

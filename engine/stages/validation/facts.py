@@ -30,12 +30,25 @@ class Facts:
         """Add an atom. Returns whether it is new."""
         if atom in self:
             return False
+        self._enter(atom)
+        return True
+
+    def put(self, atom: Atom) -> bool:
+        """Add an atom of which the facts that never change know nothing. Returns whether it is new."""
+        layer = self
+        while layer.below is not None:
+            if atom in layer._extent(atom.name):
+                return False
+            layer = layer.below
+        self._enter(atom)
+        return True
+
+    def _enter(self, atom: Atom) -> None:
         self._by_name.setdefault(atom.name, {})[atom] = None
         index = self._indexes.get(atom.name)
         if index is not None:
             for key in enumerate(atom.arguments):
                 index.setdefault(key, []).append(atom)
-        return True
 
     def after(self, ends: Set[Atom], adds: Set[Atom]) -> "Facts":
         """The facts after some atoms end and then others are added.
