@@ -3,7 +3,9 @@
 The other conditions are met in an order decided once (`chains`). The checker's own, like the rest of its Datalog.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import count
 from typing import NamedTuple
 
 from engine.stages.validation.chains import Chain, Slots
@@ -11,7 +13,7 @@ from engine.stages.validation.datalog import in_order
 from engine.stages.validation.tables import Row, Table, Tables
 from kb.model.conditions import Body, Literal
 from kb.model.domain import Rule
-from kb.terms import Atom, substitute_atom, variables
+from kb.terms import ANYTHING, Atom, Function, Term, Variable, substitute_atom, variables
 
 
 class Made(NamedTuple):
@@ -71,6 +73,7 @@ class Join:
 
 def joins(rule: Rule, tables: Tables) -> list[Join]:
     """A join for each condition of a rule that can change; if there is none, one without a condition."""
+    rule = _named(rule)
     body = [p for p in rule.body if not (isinstance(p, Literal) and not p.positive and _changes(p, tables))]
     changing = {at: p.atom for at, p in enumerate(body) if isinstance(p, Literal) and _changes(p, tables)}
     if not changing:
@@ -85,6 +88,28 @@ def joins(rule: Rule, tables: Tables) -> list[Join]:
         )
         for at, atom in changing.items()
     ]
+
+
+def _named(rule: Rule) -> Rule:
+    """A rule whose positive conditions have no `_`, but a variable each time: an instance says all that it needs."""
+    names = (Variable(f"_some{number}") for number in count())
+    return replace(
+        rule,
+        body=tuple(
+            Literal(_open(p.atom, names)) if isinstance(p, Literal) and p.positive else p for p in rule.body
+        ),
+    )
+
+
+def _open(atom: Atom, names: Iterator[Variable]) -> Atom:
+    """An atom with the next names in place of each `_`."""
+    if ANYTHING not in variables(atom):
+        return atom
+    arguments: list[Term] = []
+    for each in atom.arguments:
+        inside = _open(each, names) if isinstance(each, Function) else each
+        arguments.append(next(names) if each == ANYTHING else inside)
+    return Function(atom.name, tuple(arguments))
 
 
 def _table(atom: Atom, tables: Tables) -> Table:
