@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Hashable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import Bindings, holds
@@ -76,6 +77,13 @@ class Reads:
     watched: set[Atom] = field(default_factory=set)
 
 
+class Mentioned(NamedTuple):
+    """The fluent atoms, or patterns of them, that the conditions of a step mention."""
+
+    by_effects: set[Atom]
+    by_precondition: set[Atom]
+
+
 @dataclass
 class Interference:
     """The executed steps of a plan in their canonical order, and which of them come before which."""
@@ -86,6 +94,7 @@ class Interference:
     executed: Mapping[StepId, Executed]
     order: Precedence
     start: State
+    _of_steps: dict[Function, Mentioned] = field(default_factory=dict)
 
     def conflicts(self) -> Iterator[str]:
         """A message for each pair of unordered steps that disturb each other.
@@ -135,16 +144,24 @@ class Interference:
             if not is_stage(link.condition):
                 atom, positive = signed(link.condition)
                 (reads.true if positive else reads.false).add(atom)
-        conditions = [executed.operator.precondition]
-        conditions += [e.condition for e in executed.operator.effects if e.condition != TRUE or e.parameters]
         reads.watched -= reads.true
-        bindings = executed.bindings
-        for condition in conditions:
-            if condition is not executed.operator.precondition or not self._proved(
-                condition, bindings, reads
-            ):
-                reads.watched |= set(self.mentioned(condition, bindings))
+        operator, bindings = executed.operator, executed.bindings
+        mentioned = self._mentioned(executed)
+        reads.watched |= mentioned.by_effects
+        if not self._proved(operator.precondition, bindings, reads):
+            reads.watched |= mentioned.by_precondition
         return reads
+
+    def _mentioned(self, executed: Executed) -> Mentioned:
+        """What the conditions of a step can depend on. All steps that are the same have the same."""
+        found = self._of_steps.get(executed.step.operator)
+        if found is None:
+            operator, bindings = executed.operator, executed.bindings
+            conditions = [e.condition for e in operator.effects if e.condition != TRUE or e.parameters]
+            effects = {each for condition in conditions for each in self.mentioned(condition, bindings)}
+            found = Mentioned(effects, set(self.mentioned(operator.precondition, bindings)))
+            self._of_steps[executed.step.operator] = found
+        return found
 
     def _proved(self, condition: Condition, bindings: Bindings, reads: Reads) -> bool:
         """Whether the causal links make the condition true in every state that agrees with them.

@@ -9,7 +9,7 @@ from itertools import count
 from typing import NamedTuple
 
 from engine.stages.validation.chains import Chain, Slots
-from engine.stages.validation.datalog import in_order
+from engine.stages.validation.ordering import in_order
 from engine.stages.validation.tables import Row, Table, Tables
 from kb.model.conditions import Body, Literal
 from kb.model.domain import Rule

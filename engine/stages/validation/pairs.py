@@ -4,11 +4,13 @@ Whether they do is for `interference` to say. A plan with many parallel steps ha
 are looked up by what they change.
 """
 
-from bisect import bisect_left
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import NamedTuple
 
 from engine.stages.validation.precedence import Precedence
+
+Known = dict[Hashable, tuple[int, int]]
+"""The places of steps for each key: the first one, and from there on all as bits."""
 
 
 class Touched(NamedTuple):
@@ -23,22 +25,37 @@ def pairs(order: Precedence, touched: Callable[[int], Touched]) -> Iterator[tupl
 
     `touched` is asked for the steps alone that have an unordered one.
     """
-    changing: dict[Hashable, list[int]] = {}
-    exposed: dict[Hashable, list[int]] = {}
+    changing: Known = {}
+    exposed: Known = {}
     for place in order.partners():
         own = touched(place)
         first, free = order.free(place)
-        near: set[int] = set()
-        for known, keys in ((changing, own.exposed), (exposed, own.changed)):
-            near.update(_behind(known, keys, first))
-        yield from ((place, other) for other in sorted(near) if free >> (other - first) & 1)
-        for known, keys in ((changing, own.changed), (exposed, own.exposed)):
-            for key in keys:
-                known.setdefault(key, []).append(place)
+        if free:
+            near = free & (_behind(changing, own.exposed, first) | _behind(exposed, own.changed, first))
+            yield from ((place, first + at) for at in _places(near))
+        _enter(changing, own.changed, place)
+        _enter(exposed, own.exposed, place)
 
 
-def _behind(known: dict[Hashable, list[int]], keys: Iterable[Hashable], first: int) -> Iterator[int]:
-    """The places that are known for some keys, from the first one on."""
+def _enter(known: Known, keys: Iterable[Hashable], place: int) -> None:
     for key in keys:
-        if found := known.get(key):
-            yield from found[bisect_left(found, first) :]
+        first, bits = known.get(key, (place, 0))
+        known[key] = first, bits | 1 << place - first
+
+
+def _behind(known: Known, keys: Iterable[Hashable], first: int) -> int:
+    """The places that are known for some keys, as bits from a first place on."""
+    found = 0
+    for key in keys:
+        if (own := known.get(key)) is not None:
+            own_first, bits = own
+            found |= bits >> first - own_first if first >= own_first else bits << own_first - first
+    return found
+
+
+def _places(bits: int) -> Iterator[int]:
+    """The places of the bits of a number that are set."""
+    while bits:
+        least = bits & -bits
+        yield least.bit_length() - 1
+        bits ^= least

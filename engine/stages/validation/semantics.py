@@ -50,6 +50,7 @@ class Semantics:
     _demands: dict[Function, Demands] = field(default_factory=dict)
     _needs: dict[Function, tuple[Literal, ...] | None] = field(default_factory=dict)
     _changes: dict[Function, Effects] = field(default_factory=dict)
+    _fluents: dict[str, frozenset[str]] = field(default_factory=dict)
 
     def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
         """The semantics of another problem with the same domain, objects and static facts; None if they
@@ -165,8 +166,13 @@ class Semantics:
         """The derived predicates that a derived predicate depends on, and itself."""
         return set(reached(self._uses, name))
 
-    def fluents_behind(self, name: str) -> set[str]:
+    def fluents_behind(self, name: str) -> frozenset[str]:
         """The fluents that a predicate depends on: the predicate itself, or those that its rules lead to."""
+        if name not in self._fluents:
+            self._fluents[name] = frozenset(self._fluents_of(name))
+        return self._fluents[name]
+
+    def _fluents_of(self, name: str) -> set[str]:
         if name not in self._rules:
             return {name} if self._kinds.get(name) is Kind.FLUENT else set()
         used = {

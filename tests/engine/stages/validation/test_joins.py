@@ -5,10 +5,11 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.stages.validation.datalog import in_order, solutions, solve
+from engine.stages.validation.datalog import solutions, solve
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.facts import Facts
 from engine.stages.validation.joins import joins
+from engine.stages.validation.ordering import in_order
 from engine.stages.validation.tables import Tables
 from kb.model.conditions import Body, Comparison, Literal
 from kb.model.domain import Rule
