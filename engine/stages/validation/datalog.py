@@ -59,16 +59,30 @@ def solve(
 def solutions(ordered: Body, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
     """`solve` for a body that is in order already."""
     for place, part in enumerate(ordered):
+        found: Iterable[Bindings]
         if isinstance(part, Literal) and part.positive:
             atom = substitute_atom(part.atom, bindings)
             if is_ground(atom):
                 if atom not in facts:
                     return
                 continue
-        for extended in _part(part, facts, bindings, facts):
-            yield from solutions(ordered[place + 1 :], facts, extended)
+            found = _matching(atom, facts, bindings)
+        else:
+            found = _part(part, facts, bindings, facts)
+        rest = ordered[place + 1 :]
+        if not rest:
+            yield from found
+            return
+        for extended in found:
+            yield from solutions(rest, facts, extended)
         return
     yield bindings
+
+
+def _matching(atom: Atom, facts: Facts, bindings: Bindings) -> list[Bindings]:
+    """Bindings extended by each fact that matches an atom."""
+    found = (match(atom, other, bindings) for other in facts.matching(atom))
+    return [each for each in found if each is not None]
 
 
 def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Iterator[Bindings]:
@@ -107,10 +121,7 @@ def _literal(
         if not any(match(atom, other, {}) is not None for other in below.matching(atom)):
             yield bindings
         return
-    for other in list(facts.matching(atom)):
-        extended = match(atom, other, bindings)
-        if extended is not None:
-            yield extended
+    yield from _matching(atom, facts, bindings)
 
 
 def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:

@@ -31,7 +31,7 @@ from kb.graphs import components, reached
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts
 from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter, literals
-from kb.model.domain import Effect, Kind, Operator, Rule
+from kb.model.domain import Kind, Operator, Rule
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term, substitute_atom
 
@@ -59,14 +59,12 @@ class Semantics:
         The static facts are not evaluated again. `state` replaces the initial state of the problem.
         """
         own = self.problem
-        same = problem.domain is own.domain and all(
-            one is other or one == other
-            for one, other in (
-                (problem.statics, own.statics),
-                (problem.objects, own.objects),
-                (problem.durations, own.durations),
-            )
+        pairs = (
+            (problem.statics, own.statics),
+            (problem.objects, own.objects),
+            (problem.durations, own.durations),
         )
+        same = problem.domain is own.domain and all(one is other or one == other for one, other in pairs)
         if not same:
             return None
         _ = self.statics, self.amounts, self._derivation, self._deductions  # made once for all these problems
@@ -260,14 +258,9 @@ class Semantics:
     def _fired(self, operator: Operator, bindings: Bindings, facts: Facts) -> Iterator[Fired]:
         for effect in operator.effects:
             once = bool(effect.parameters) or effect.condition != TRUE
-            for found in self._fires(effect, bindings, facts):
+            fires = bound(effect.parameters, effect.condition, facts, bindings) if once else (bindings,)
+            for found in fires:
                 yield substitute_atom(effect.atom, found), effect.adds, once
-
-    def _fires(self, effect: Effect, bindings: Bindings, facts: Facts) -> Iterator[Bindings]:
-        if effect.condition == TRUE and not effect.parameters:
-            yield bindings
-            return
-        yield from bound(effect.parameters, effect.condition, facts, bindings)
 
     def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> StepChange:
         """The least fixpoint of what is added and denied, starting from `added`.
