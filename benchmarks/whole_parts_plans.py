@@ -116,6 +116,13 @@ PLANS = (
         (18, 180),
     ),
     Part(
+        "checking", "benchmarks/checking.py",
+        ("--levels", "1-2", "--seconds", "10", "--runs", "1", "--json", "{json}"),
+        ("--levels", "1-5", "--json", "{json}"),
+        (Figure(24, "plans checked in 50 ms or a tenth of planning", share(lambda row: row["met"]), "%", 100.0, less=False),),
+        (6, 120),
+    ),
+    Part(
         "anytime", "benchmarks/anytime.py",
         ("--levels", "1", "--seconds", "3", *PEERS, "--json", "{json}"),
         ("--levels", "1-4", "--seconds", "30", *PEERS, "--json", "{json}"),

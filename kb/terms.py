@@ -33,18 +33,28 @@ class Text:
         return f'"{escaped}"'
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Variable:
-    """A variable. `_` is anonymous: each of its occurrences stands for anything."""
+    """A variable. `_` is anonymous: each of its occurrences stands for anything.
+
+    There is one object for each name, so that variables are compared and hashed without a call: they are keys wherever terms are bound.
+    """
 
     name: str
 
-    def __hash__(self) -> int:
-        return hash(self.name)
+    def __new__(cls, name: str) -> "Variable":
+        """The variable of that name."""
+        return _VARIABLES.get(name) or _VARIABLES.setdefault(name, object.__new__(cls))
+
+    def __reduce__(self) -> tuple[type, tuple[str]]:
+        """By its name, which is the same variable again."""
+        return Variable, (self.name,)
 
     def __str__(self) -> str:
         return self.name
 
+
+_VARIABLES: dict[str, Variable] = {}
 
 PLAIN, COMPUTED, OPEN = 0, 1, 2  # the forms of terms: a value, ground with arithmetic inside, with variables
 

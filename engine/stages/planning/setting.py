@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from engine.stages.planning.forward.search import Forward
 
 DETOUR = 2  # a plan that costs this many times its relaxed plan may be far from the best
-ROOM = 1_500_000  # steps times conditions and effects, up to which stable models are grounded
+ROOM = 500_000  # steps times conditions and effects, up to which stable models are grounded
 GREED = 5  # how many times the estimate weighs what the cost does, in best-first regression
 COMPOSITES = 5_000  # the largest number of MACROP instances in regression
 

@@ -104,8 +104,9 @@ class _Check:
             if step.id in seen or step.id <= 0:
                 self._report("K507", f"step number {step.id} is used twice or not positive")
             seen.add(step.id)
+        producers, consumers = seen | {START}, seen | {GOAL}
         for link in self.plan.links:
-            if link.producer not in seen | {START} or link.consumer not in seen | {GOAL}:
+            if link.producer not in producers or link.consumer not in consumers:
                 self._report(
                     "K504", f"a link names a step that does not exist: {link.producer} to {link.consumer}"
                 )

@@ -3,10 +3,12 @@
 It shares with the search how terms are computed and compared (`kb.arithmetic`), but no code that solves.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
-from engine.stages.validation.aggregates import Tuple, can_test, fitting
+from engine.stages.validation.aggregates import Tuple, fitting
 from engine.stages.validation.facts import Facts
+from engine.stages.validation.ordering import Bindings, in_order, next_part
 from kb.arithmetic import compare, evaluate
 from kb.model.conditions import (
     Aggregate,
@@ -28,18 +30,15 @@ from kb.model.domain import UNLISTED
 from kb.terms import (
     Atom,
     Function,
-    Operation,
     Term,
     Variable,
     is_ground,
     match,
     substitute,
     substitute_atom,
-    variables,
 )
 
-Bindings = Mapping[Variable, Term]
-_VALUE = Function("value")  # stands for what a variable will be
+__all__ = ["Bindings", "bound", "holds", "solutions", "solve"]
 
 
 def solve(
@@ -52,94 +51,38 @@ def solve(
     if not body:
         yield dict(bindings)
         return
-    part, rest = _next(body, bindings) if len(body) > 1 else (body[0], ())
+    part, rest = next_part(body, bindings) if len(body) > 1 else (body[0], ())
     for extended in _part(part, facts, bindings, below or facts):
         yield from solve(rest, facts, extended, below)
-
-
-def in_order(body: Body, bound: Iterable[Variable]) -> Body:
-    """The parts of a body in the order in which they are solved once some variables have values."""
-    found: list[BodyPart] = []
-    known: dict[Variable, Term] = dict.fromkeys(bound, _VALUE)
-    while body:
-        part, body = _next(body, known)
-        found.append(part)
-        known |= dict.fromkeys(_named(part), _VALUE)
-    return tuple(found)
-
-
-def _named(part: BodyPart) -> Iterator[Variable]:
-    """The variables that have values once a literal or a comparison is solved."""
-    match part:
-        case Literal(atom):
-            terms: tuple[Term, ...] = (atom,)
-        case Comparison(left, _, right):
-            terms = (left, right)
-        case _:
-            raise TypeError(f"the order of a body with aggregates is not decided beforehand: {part}")
-    return (each for term in terms for each in variables(term) if each.name != "_")
 
 
 def solutions(ordered: Body, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
     """`solve` for a body that is in order already."""
     for place, part in enumerate(ordered):
+        found: Iterable[Bindings]
         if isinstance(part, Literal) and part.positive:
             atom = substitute_atom(part.atom, bindings)
             if is_ground(atom):
                 if atom not in facts:
                     return
                 continue
-        for extended in _part(part, facts, bindings, facts):
-            yield from solutions(ordered[place + 1 :], facts, extended)
+            found = _matching(atom, facts, bindings)
+        else:
+            found = _part(part, facts, bindings, facts)
+        rest = ordered[place + 1 :]
+        if not rest:
+            yield from found
+            return
+        for extended in found:
+            yield from solutions(rest, facts, extended)
         return
     yield bindings
 
 
-def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:
-    """The part to solve first, and the other parts.
-
-    First comes a test whose variables are bound, else the positive literal of which most is bound.
-    """
-    for index, part in enumerate(body):
-        if _is_test(part, bindings):
-            return part, body[:index] + body[index + 1 :]
-    choices = (i for i, part in enumerate(body) if isinstance(part, Literal) and part.positive)
-    index = min(choices, key=lambda i: _openness(body[i], bindings), default=0)
-    return body[index], body[:index] + body[index + 1 :]
-
-
-def _openness(part: BodyPart, bindings: Bindings) -> tuple[bool, int]:
-    """How little of a literal is bound: whether no argument is, and the number of those that are not."""
-    assert isinstance(part, Literal)
-    unbound = sum(not _is_bound(each, bindings) for each in part.atom.arguments)
-    return unbound == len(part.atom.arguments), unbound
-
-
-def _is_test(part: BodyPart, bindings: Bindings) -> bool:
-    match part:
-        case Comparison(left, relation, right):
-            bound = [_is_bound(side, bindings) for side in (left, right)]
-            if all(bound) or relation != "=" or not any(bound):
-                return all(bound)
-            return not isinstance(right if bound[0] else left, Operation)  # else it must be computed first
-        case Literal(atom):
-            return _is_bound(atom, bindings)
-        case Aggregate():
-            return False
-        case StateAggregate():
-            return can_test(part, bindings)
-
-
-def _is_bound(term: Term, bindings: Bindings) -> bool:
-    """Whether a term has no variables under bindings."""
-    if isinstance(term, Variable):
-        value = bindings.get(term)
-        return value is not None and is_ground(value)
-    if isinstance(term, Function):
-        return is_ground(term) or all(_is_bound(each, bindings) for each in term.arguments)
-    if isinstance(term, Operation):
-        return _is_bound(term.left, bindings) and _is_bound(term.right, bindings)
-    return True
+def _matching(atom: Atom, facts: Facts, bindings: Bindings) -> list[Bindings]:
+    """Bindings extended by each fact that matches an atom."""
+    found = (match(atom, other, bindings) for other in facts.matching(atom))
+    return [each for each in found if each is not None]
 
 
 def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Iterator[Bindings]:
@@ -178,10 +121,7 @@ def _literal(
         if not any(match(atom, other, {}) is not None for other in below.matching(atom)):
             yield bindings
         return
-    for other in list(facts.matching(atom)):
-        extended = match(atom, other, bindings)
-        if extended is not None:
-            yield extended
+    yield from _matching(atom, facts, bindings)
 
 
 def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:
@@ -208,7 +148,7 @@ def holds(condition: Condition, facts: Facts, bindings: Bindings, below: Facts |
         case Not(part):
             return not holds(part, below or facts, bindings, facts if below else None)
         case Exists(parameters, part):
-            return any(holds(part, facts, each, below) for each in _values(parameters, part, facts, bindings))
+            return next(bound(parameters, part, facts, bindings, below), None) is not None
         case ForAll(parameters, part):
             return not holds(
                 Exists(parameters, Not(part)), below or facts, bindings, facts if below else None
@@ -223,12 +163,72 @@ def _typed(parameters: Iterable[Parameter]) -> Iterator[Literal]:
 
 
 def bound(
-    parameters: tuple[Parameter, ...], condition: Condition, facts: Facts, bindings: Bindings
+    parameters: tuple[Parameter, ...],
+    condition: Condition,
+    facts: Facts,
+    bindings: Bindings,
+    below: Facts | None = None,
 ) -> Iterator[Bindings]:
-    """The bindings of all parameters with which a condition holds."""
-    for each in _values(parameters, condition, facts, bindings) if parameters else (bindings,):
-        if holds(condition, facts, each):
+    """The bindings of all parameters with which a condition holds; with `below` as in `holds`."""
+    if not parameters:
+        if holds(condition, facts, bindings, below):
+            yield bindings
+        return
+    ordered = _ordered(parameters, condition, bindings)
+    if ordered is not None:
+        yield from _solved(ordered, facts, bindings)
+        return
+    for each in _values(parameters, condition, facts, bindings):
+        if holds(condition, facts, each, below):
             yield each
+
+
+@dataclass(frozen=True, slots=True)
+class _Ordered:
+    """The conditions of some parameters, in an order decided once, and the parameters whose types are left to be tested."""
+
+    parameters: tuple[Parameter, ...]
+    condition: Condition
+    body: Body
+    typed: tuple[Parameter, ...]
+
+
+_ORDERED: dict[tuple[int, int, frozenset[Variable]], _Ordered | None] = {}
+MOST = 1 << 12  # conditions in order that are kept
+
+
+def _ordered(parameters: tuple[Parameter, ...], part: Condition, bindings: Bindings) -> _Ordered | None:
+    """A condition in order, if facts give parameters their values and nothing is left to be tested after; else None.
+
+    It is found again by identity: conditions that differ in whether they are exact are equal.
+    """
+    if not isinstance(part, Literal | And):
+        return None
+    key = id(parameters), id(part), frozenset(bindings)
+    found = _ORDERED.get(key)
+    if found is None or found.condition is not part or found.parameters is not parameters:
+        if len(_ORDERED) >= MOST:
+            _ORDERED.clear()
+        found = _ORDERED[key] = _in_order(parameters, part, bindings)
+    return found
+
+
+def _in_order(parameters: tuple[Parameter, ...], part: Condition, bindings: Bindings) -> _Ordered | None:
+    if isinstance(part, Literal):
+        return _Ordered(parameters, part, (part,), parameters) if part.positive else None
+    body = tuple(each for each in goal_parts(part) if isinstance(each, Literal | Comparison))
+    if len(body) < len(goal_parts(part)) or all(each.type not in UNLISTED for each in parameters):
+        return None
+    body = (*_typed(parameters), *body)
+    if any(isinstance(each, Literal) and not each.positive for each in body):
+        return None
+    return _Ordered(parameters, part, in_order(body, bindings), ())
+
+
+def _solved(ordered: _Ordered, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
+    for found in solutions(ordered.body, facts, bindings):
+        if all(p.variable not in found or facts.has_type(found[p.variable], p.type) for p in ordered.typed):
+            yield found
 
 
 def _values(

@@ -7,50 +7,47 @@ The checker's own: it shares no code with grounding or search.
 from collections.abc import Collection, Iterable, Sequence, Set
 from dataclasses import dataclass, field
 
-from engine.stages.validation.datalog import Bindings, solve
+from engine.stages.validation.datalog import solve
 from engine.stages.validation.facts import Facts
-from engine.stages.validation.joins import Join, join
-from kb.model.conditions import Body, Literal, StateAggregate, literals
+from engine.stages.validation.joins import Join, joins
+from engine.stages.validation.tables import Row, Table, Tables
+from kb.model.conditions import StateAggregate, literals
 from kb.model.domain import Rule
 from kb.terms import Atom, is_ground, match, substitute_atom
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Instance:
-    """An instance of a rule: `head` follows where all of `needs` are true and all of `excludes` are false.
-
-    An excluded atom that is not ground stands for all atoms that match it.
-    """
-
-    head: Atom
-    needs: tuple[Atom, ...]
-    excludes: tuple[Atom, ...]
-
-
 @dataclass
 class _Stratum:
-    """The rules of predicates that depend on one another, and their instances."""
+    """The rules of predicates that depend on one another, and their instances.
 
-    rules: Sequence[Rule]
+    The head of an instance follows where all that it needs is true and all that it excludes is false. Atoms are numbers of `tables`.
+    """
+
+    tables: Tables
     counting: Sequence[Rule]  # those with aggregates, which are evaluated in each state
     heads: frozenset[str]  # the predicates
     joins: Sequence[Join]
     read: Sequence[str]  # the predicates of what instances need
-    instances: list[Instance] = field(default_factory=list)
+    followers: list[int] = field(default_factory=list)  # the head of each instance
     counts: list[int] = field(default_factory=list)  # how many atoms each instance needs
+    excludes: list[tuple[Atom, ...]] = field(default_factory=list)
     free: list[int] = field(default_factory=list)  # the instances that need none
-    users: dict[Atom, list[int]] = field(default_factory=dict)
-    known: set[tuple[Atom, tuple[Atom, ...], tuple[Atom, ...]]] = field(default_factory=set)
+    users: dict[int | None, list[int]] = field(default_factory=dict)
+    known: set[tuple[int, tuple[int, ...], tuple[Atom, ...]]] = field(default_factory=set)
 
-    def keep(self, made: Instance) -> None:
-        """Keep an instance of a rule."""
-        needs = dict.fromkeys(made.needs)
-        for atom in needs:
-            self.users.setdefault(atom, []).append(len(self.instances))
-        if not needs:
-            self.free.append(len(self.instances))
-        self.counts.append(len(needs))
-        self.instances.append(made)
+    def keep(self, head: int, needs: tuple[int, ...], excludes: tuple[Atom, ...]) -> None:
+        """Keep an instance of a rule, once."""
+        if (head, needs, excludes) in self.known:
+            return
+        self.known.add((head, needs, excludes))
+        distinct = dict.fromkeys(needs)
+        for atom in distinct:
+            self.users.setdefault(atom, []).append(len(self.counts))
+        if not distinct:
+            self.free.append(len(self.counts))
+        self.followers.append(head)
+        self.counts.append(len(distinct))
+        self.excludes.append(excludes)
 
 
 class Derivation:
@@ -60,14 +57,14 @@ class Derivation:
     """
 
     def __init__(self, strata: Iterable[Sequence[Rule]], statics: Facts, dynamic: Collection[str]) -> None:
-        self._dynamic = dynamic
-        self._strata = [self._stratum(rules) for rules in strata]
-        self._possible = Facts((), statics)
+        self._tables = Tables(statics, dynamic)
+        strata = [tuple(rules) for rules in strata]
+        self._strata = [_stratum(rules, self._tables) for rules in strata]
         self._started = False
-        rules = [rule for each in self._strata for rule in (*each.rules, *each.counting)]
+        rules = [rule for each in strata for rule in each]
         heads = frozenset[str]().union(*(each.heads for each in self._strata))
         read = {literal.atom.name for rule in rules for part in rule.body for literal in literals(part)}
-        self._read = sorted(read - heads)
+        self._read = sorted(name for name in read - heads if name in dynamic)
 
     def add(self, state: Facts, names: Set[str] | None = None) -> None:
         """Add to a state, which has fluents only, the derived atoms that follow.
@@ -94,76 +91,59 @@ class Derivation:
         """Add everything that follows by one stratum; `judge` decides what is false."""
         stratum = self._strata[place]
         _spread(stratum, facts, judge)
-        while fresh := [head for head in _counted(stratum, facts, judge) if facts.add(head)]:
-            new = [head for head in fresh if self._possible.add(head)]
+        while fresh := [head for head in _counted(stratum, facts, judge) if facts.put(head)]:
+            new = [number for head in fresh if (number := self._tables.told(head)) is not None]
             for later in self._strata[place:] if new else ():
                 new += self._instantiate(later, new)
             _spread(stratum, facts, judge)
 
     def _meet(self, state: Facts) -> None:
         """Instantiate the rules over fluents that are new."""
-        names = [name for name in self._read if name in self._dynamic]
-        fresh = [atom for name in names for atom in state.extent(name) if self._possible.add(atom)]
+        told = self._tables.told
+        atoms = (atom for name in self._read for atom in state.extent(name))
+        fresh = [number for atom in atoms if (number := told(atom)) is not None]
         if fresh or not self._started:
             for stratum in self._strata:
                 fresh += self._instantiate(stratum, fresh)
             self._started = True
 
-    def _instantiate(self, stratum: _Stratum, fresh: Sequence[Atom]) -> list[Atom]:
+    def _instantiate(self, stratum: _Stratum, fresh: Sequence[int]) -> list[int]:
         """Make the instances that have a new atom among what they need. Returns the derived atoms that are new."""
-        found: list[Atom] = []
+        found: list[int] = []
         waiting = list(fresh)
         if not self._started:
-            for rule in stratum.rules:
-                body = self._static(rule.body)
-                if not any(map(self._changes, body)):
-                    found += self._note(stratum, rule, solve(body, self._possible, {}))
+            for each in stratum.joins:
+                if each.table is None:
+                    found += self._note(stratum, each, (), ())
             waiting += found
         while waiting:
-            by_name: dict[str, list[Atom]] = {}
-            for atom in waiting:
-                by_name.setdefault(atom.name, []).append(atom)
+            rows: dict[Table, list[Row]] = {}
+            for table, row in map(self._tables.rows.__getitem__, waiting):
+                rows.setdefault(table, []).append(row)
             new = frozenset(waiting)
             waiting = []
             for each in stratum.joins:
-                if of_name := by_name.get(each.condition.name):
-                    waiting += self._note(stratum, each.rule, each.bindings(of_name, new, self._possible))
+                if each.table in rows:
+                    waiting += self._note(stratum, each, rows[each.table], new)
             found += waiting
         return found
 
-    def _note(self, stratum: _Stratum, rule: Rule, found: Iterable[Bindings]) -> list[Atom]:
-        """Keep the instances of a rule under some bindings. Returns the heads that are new."""
-        fresh = []
-        literals = [part for part in rule.body if isinstance(part, Literal) and self._changes(part)]
-        for bindings in list(found):
-            head = substitute_atom(rule.head, bindings)
-            needs = tuple(substitute_atom(part.atom, bindings) for part in literals if part.positive)
-            excludes = tuple(substitute_atom(part.atom, bindings) for part in literals if not part.positive)
-            if (head, needs, excludes) in stratum.known:
-                continue
-            stratum.known.add((head, needs, excludes))
-            stratum.keep(Instance(head, needs, excludes))
-            if self._possible.add(head):
-                fresh.append(head)
-        return fresh
+    def _note(self, stratum: _Stratum, join: Join, fresh: Sequence[Row], new: Collection[int]) -> list[int]:
+        """Keep the instances of a rule that have one of some new atoms. Returns the heads that are new."""
+        heads = []
+        for head, needs, excludes in join.instances(fresh, new):
+            number, is_new = self._tables.entered(join.head, head)
+            if is_new:
+                heads.append(number)
+            stratum.keep(number, needs, excludes)
+        return heads
 
-    def _stratum(self, rules: Sequence[Rule]) -> _Stratum:
-        counting = [rule for rule in rules if any(isinstance(part, StateAggregate) for part in rule.body)]
-        plain = [rule for rule in rules if rule not in counting]
-        heads = frozenset(rule.head.name for rule in rules)
-        joins: list[Join] = []
-        for rule in plain:
-            body = self._static(rule.body)
-            places = [place for place, part in enumerate(body) if self._changes(part)]
-            joins += [join(rule, body, place, places) for place in places]
-        return _Stratum(plain, counting, heads, joins, sorted({each.condition.name for each in joins}))
 
-    def _changes(self, part: object) -> bool:
-        return isinstance(part, Literal) and part.atom.name in self._dynamic
-
-    def _static(self, body: Body) -> Body:
-        """The conditions without those that something which can change be false."""
-        return tuple(p for p in body if not (isinstance(p, Literal) and not p.positive and self._changes(p)))
+def _stratum(rules: Sequence[Rule], tables: Tables) -> _Stratum:
+    counting = [rule for rule in rules if any(isinstance(part, StateAggregate) for part in rule.body)]
+    found = [each for rule in rules if rule not in counting for each in joins(rule, tables)]
+    read = sorted({each.table.name for each in found if each.table is not None})
+    return _Stratum(tables, counting, frozenset(rule.head.name for rule in rules), found, read)
 
 
 def _counted(stratum: _Stratum, facts: Facts, judge: Facts) -> list[Atom]:
@@ -177,19 +157,24 @@ def _counted(stratum: _Stratum, facts: Facts, judge: Facts) -> list[Atom]:
 
 def _spread(stratum: _Stratum, facts: Facts, judge: Facts) -> None:
     """Add everything that follows by the instances of one stratum; `judge` decides what is false."""
+    users, tables = stratum.users, stratum.tables
     missing, waiting = stratum.counts.copy(), stratum.free.copy()
     for name in stratum.read:
         for atom in facts.extent(name):
-            _meet(stratum, atom, missing, waiting)
+            _meet(users.get(tables.numbers.get(atom), ()), missing, waiting)
+    done: set[int] = set()
     while waiting:
-        each = stratum.instances[waiting.pop()]
-        if not any(_among(atom, judge) for atom in each.excludes) and facts.add(each.head):
-            _meet(stratum, each.head, missing, waiting)
+        each = waiting.pop()
+        head = stratum.followers[each]
+        if head not in done and not any(_among(atom, judge) for atom in stratum.excludes[each]):
+            done.add(head)
+            if facts.put(tables.atom(head)):
+                _meet(users.get(head, ()), missing, waiting)
 
 
-def _meet(stratum: _Stratum, atom: Atom, missing: list[int], waiting: list[int]) -> None:
+def _meet(users: Iterable[int], missing: list[int], waiting: list[int]) -> None:
     """Count a true atom for the instances that need it; those that miss nothing more wait."""
-    for user in stratum.users.get(atom, ()):
+    for user in users:
         missing[user] -= 1
         if not missing[user]:
             waiting.append(user)

@@ -30,12 +30,25 @@ class Facts:
         """Add an atom. Returns whether it is new."""
         if atom in self:
             return False
+        self._enter(atom)
+        return True
+
+    def put(self, atom: Atom) -> bool:
+        """Add an atom of which the facts that never change know nothing. Returns whether it is new."""
+        layer = self
+        while layer.below is not None:
+            if atom in layer._extent(atom.name):
+                return False
+            layer = layer.below
+        self._enter(atom)
+        return True
+
+    def _enter(self, atom: Atom) -> None:
         self._by_name.setdefault(atom.name, {})[atom] = None
         index = self._indexes.get(atom.name)
         if index is not None:
             for key in enumerate(atom.arguments):
                 index.setdefault(key, []).append(atom)
-        return True
 
     def after(self, ends: Set[Atom], adds: Set[Atom]) -> "Facts":
         """The facts after some atoms end and then others are added.
@@ -43,16 +56,27 @@ class Facts:
         Untouched predicates are shared.
         """
         found = Facts((), self.below)
-        touched = {atom.name for atom in (*ends, *adds)}
-        found._by_name = self._by_name.copy()
-        found._indexes = {name: index for name, index in self._indexes.items() if name not in touched}
-        for name in touched:
+        found._by_name, found._indexes = self._by_name.copy(), self._indexes.copy()
+        for name in {atom.name for atom in (*ends, *adds)}:
             found._by_name[name] = dict(self._by_name.get(name, NONE))
+            if name in found._indexes:
+                found._indexes[name] = found._indexes[name].copy()
         for atom in ends:
-            found._by_name[atom.name].pop(atom, None)
+            if atom in found._by_name[atom.name]:
+                del found._by_name[atom.name][atom]
+                found._reindex(atom, ())
         for atom in adds:
-            found._by_name[atom.name][atom] = None
+            if atom not in found._by_name[atom.name]:
+                found._by_name[atom.name][atom] = None
+                found._reindex(atom, (atom,))
         return found
+
+    def _reindex(self, atom: Atom, now: tuple[Atom, ...]) -> None:
+        """Have an index list an atom anew, or no more. Its lists may be those of other facts, so they stay as they are."""
+        index = self._indexes.get(atom.name)
+        if index is not None:
+            for key in enumerate(atom.arguments):
+                index[key] = [each for each in index.get(key, ()) if each != atom] + [*now]
 
     def __contains__(self, atom: Atom) -> bool:
         return atom in self._extent(atom.name) or (self.below is not None and atom in self.below)

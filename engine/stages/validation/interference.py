@@ -4,13 +4,15 @@ If they can, the result of a plan may depend on their order.
 """
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Hashable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import Bindings, holds
 from engine.stages.validation.facts import Facts
+from engine.stages.validation.pairs import Touched, pairs
 from engine.stages.validation.precedence import Precedence
 from engine.stages.validation.semantics import Semantics
 from kb.model.bindings import bind
@@ -18,8 +20,9 @@ from kb.model.conditions import TRUE, Condition, literals
 from kb.model.domain import Operator
 from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, Term, is_ground, match, substitute_atom, variables
+from kb.terms import ANYTHING, Atom, Function, is_ground, match, substitute_atom, variables
 
+Key = tuple[Hashable, ...]
 MAX_UNCERTAIN = 7  # if at most this many atoms are open, every combination is tried
 
 
@@ -43,21 +46,18 @@ class Executed:
         return tuple(denial for denial in self.change.denials if denial.consequence is not None)
 
     @cached_property
-    def _changed(self) -> Mapping[tuple[str, Term | None], list[Atom]]:
+    def changed(self) -> Mapping[Key, list[Atom]]:
         """The atoms that change, by their names, and by their names and first arguments."""
-        found: dict[tuple[str, Term | None], list[Atom]] = {}
+        found: dict[Key, list[Atom]] = {}
         for atom in (*self.change.adds, *self.change.ends):
-            found.setdefault((atom.name, None), []).append(atom)
+            found.setdefault(("changed", atom.name, None), []).append(atom)
             if atom.arguments:
-                found.setdefault((atom.name, atom.arguments[0]), []).append(atom)
+                found.setdefault(("changed", atom.name, atom.arguments[0]), []).append(atom)
         return found
 
     def changes(self, pattern: Atom) -> bool:
         """Whether the step changes an atom that matches a pattern."""
-        first = pattern.arguments[0] if pattern.arguments and is_ground(pattern.arguments[0]) else None
-        return any(
-            match(pattern, atom, {}) is not None for atom in self._changed.get((pattern.name, first), ())
-        )
+        return any(match(pattern, atom, {}) is not None for atom in self.changed.get(_key(pattern), ()))
 
     def denies(self, atom: Atom, statics: Facts) -> bool:
         """Whether the step denies an atom. The atom need not be true at the moment."""
@@ -77,6 +77,13 @@ class Reads:
     watched: set[Atom] = field(default_factory=set)
 
 
+class Mentioned(NamedTuple):
+    """The fluent atoms, or patterns of them, that the conditions of a step mention."""
+
+    by_effects: set[Atom]
+    by_precondition: set[Atom]
+
+
 @dataclass
 class Interference:
     """The executed steps of a plan in their canonical order, and which of them come before which."""
@@ -87,6 +94,7 @@ class Interference:
     executed: Mapping[StepId, Executed]
     order: Precedence
     start: State
+    _of_steps: dict[Function, Mentioned] = field(default_factory=dict)
 
     def conflicts(self) -> Iterator[str]:
         """A message for each pair of unordered steps that disturb each other.
@@ -95,14 +103,16 @@ class Interference:
         """
         steps = list(self.executed.values())
         reads: dict[StepId, Reads] = {}
-        for one in steps:
-            for other in map(steps.__getitem__, self.order.unordered_before(one.step.id)):
-                for each in (one, other):
-                    if each.step.id not in reads:
-                        reads[each.step.id] = self._reads(each)
-                problem = self._conflict(one, other, reads) or self._conflict(other, one, reads)
-                if problem:
-                    yield f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
+
+        def touched(place: int) -> Touched:
+            one = steps[place]
+            reads[one.step.id] = self._reads(one)
+            return Touched(*map(frozenset, (_changed(one), _exposed(one, reads[one.step.id]))))
+
+        for one, other in ((steps[place], steps[earlier]) for place, earlier in pairs(self.order, touched)):
+            problem = self._conflict(one, other, reads) or self._conflict(other, one, reads)
+            if problem:
+                yield f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
 
     def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
         """How `one` disturbs `other`; an empty text if it does not."""
@@ -134,16 +144,24 @@ class Interference:
             if not is_stage(link.condition):
                 atom, positive = signed(link.condition)
                 (reads.true if positive else reads.false).add(atom)
-        conditions = [executed.operator.precondition]
-        conditions += [e.condition for e in executed.operator.effects if e.condition != TRUE or e.parameters]
         reads.watched -= reads.true
-        bindings = executed.bindings
-        for condition in conditions:
-            if condition is not executed.operator.precondition or not self._proved(
-                condition, bindings, reads
-            ):
-                reads.watched |= set(self.mentioned(condition, bindings))
+        operator, bindings = executed.operator, executed.bindings
+        mentioned = self._mentioned(executed)
+        reads.watched |= mentioned.by_effects
+        if not self._proved(operator.precondition, bindings, reads):
+            reads.watched |= mentioned.by_precondition
         return reads
+
+    def _mentioned(self, executed: Executed) -> Mentioned:
+        """What the conditions of a step can depend on. All steps that are the same have the same."""
+        found = self._of_steps.get(executed.step.operator)
+        if found is None:
+            operator, bindings = executed.operator, executed.bindings
+            conditions = [e.condition for e in operator.effects if e.condition != TRUE or e.parameters]
+            effects = {each for condition in conditions for each in self.mentioned(condition, bindings)}
+            found = Mentioned(effects, set(self.mentioned(operator.precondition, bindings)))
+            self._of_steps[executed.step.operator] = found
+        return found
 
     def _proved(self, condition: Condition, bindings: Bindings, reads: Reads) -> bool:
         """Whether the causal links make the condition true in every state that agrees with them.
@@ -193,6 +211,31 @@ class Interference:
                 yield substitute_atom(atom, dict.fromkeys(variables(atom), ANYTHING))
             else:
                 yield from (atom_pattern(self.problem, name) for name in sorted(fluents))
+
+
+def _changed(executed: Executed) -> Iterator[Key]:
+    """What a step changes: resources that it holds, atoms that it denies or adds, and patterns of what it changes."""
+    yield from (("held", each) for each in executed.step.resources)
+    yield from (("true", each) for each in executed.denied)
+    yield from (("of", each.pattern.name) for each in executed.deductions)
+    yield from (("false", each) for each in executed.change.adds)
+    yield from executed.changed
+
+
+def _exposed(executed: Executed, reads: Reads) -> Iterator[Key]:
+    """Where others can disturb a step: each is among what they change, if they do."""
+    yield from (("held", each) for each in executed.step.resources)
+    for atom in (*reads.true, *executed.change.adds):
+        yield "true", atom
+        yield "of", atom.name
+    yield from (("false", each) for each in reads.false)
+    yield from map(_key, reads.watched)
+
+
+def _key(pattern: Atom) -> Key:
+    """The key of the changed atoms of which some may match a pattern."""
+    first = pattern.arguments[0] if pattern.arguments and is_ground(pattern.arguments[0]) else None
+    return "changed", pattern.name, first
 
 
 def atom_pattern(problem: Problem, name: str) -> Atom:

@@ -48,11 +48,24 @@ class Precedence:
         mark = self._below[other]
         return one < mark or bool(self._beyond[other] >> (one - mark) & 1)
 
+    def free(self, place: int) -> tuple[int, int]:
+        """The steps before a place in the list that are not ordered before it: as bits, from a first place on, which comes first."""
+        mark = self._below[place]
+        return mark, ~self._beyond[place] & ((1 << place - mark) - 1)
+
     def unordered_before(self, step: StepId) -> Iterator[int]:
         """The places of the steps earlier in the list that are not ordered before a step."""
-        own = self.place[step]
-        mark, bits = self._below[own], self._beyond[own]
-        return (place for place in range(mark, own) if not bits >> (place - mark) & 1)
+        mark, bits = self.free(self.place[step])
+        return (mark + place for place in range(bits.bit_length()) if bits >> place & 1)
+
+    def partners(self) -> list[int]:
+        """The places of the steps that are not ordered with every other one."""
+        found = 0
+        for place in range(len(self.ids)):
+            mark, bits = self.free(place)
+            if bits:
+                found |= bits << mark | 1 << place
+        return [place for place, bit in enumerate(bin(found)[:1:-1]) if bit == "1"]
 
     def between(self, producer: StepId, consumer: StepId) -> tuple[int, int]:
         """The first place, and the one after the last place, of all steps that some order puts between two steps."""

@@ -31,7 +31,7 @@ from kb.graphs import components, reached
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts
 from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter, literals
-from kb.model.domain import Effect, Kind, Operator, Rule
+from kb.model.domain import Kind, Operator, Rule
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term, substitute_atom
 
@@ -50,6 +50,7 @@ class Semantics:
     _demands: dict[Function, Demands] = field(default_factory=dict)
     _needs: dict[Function, tuple[Literal, ...] | None] = field(default_factory=dict)
     _changes: dict[Function, Effects] = field(default_factory=dict)
+    _fluents: dict[str, frozenset[str]] = field(default_factory=dict)
 
     def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
         """The semantics of another problem with the same domain, objects and static facts; None if they
@@ -58,14 +59,12 @@ class Semantics:
         The static facts are not evaluated again. `state` replaces the initial state of the problem.
         """
         own = self.problem
-        same = problem.domain is own.domain and all(
-            one is other or one == other
-            for one, other in (
-                (problem.statics, own.statics),
-                (problem.objects, own.objects),
-                (problem.durations, own.durations),
-            )
+        pairs = (
+            (problem.statics, own.statics),
+            (problem.objects, own.objects),
+            (problem.durations, own.durations),
         )
+        same = problem.domain is own.domain and all(one is other or one == other for one, other in pairs)
         if not same:
             return None
         _ = self.statics, self.amounts, self._derivation, self._deductions  # made once for all these problems
@@ -165,8 +164,13 @@ class Semantics:
         """The derived predicates that a derived predicate depends on, and itself."""
         return set(reached(self._uses, name))
 
-    def fluents_behind(self, name: str) -> set[str]:
+    def fluents_behind(self, name: str) -> frozenset[str]:
         """The fluents that a predicate depends on: the predicate itself, or those that its rules lead to."""
+        if name not in self._fluents:
+            self._fluents[name] = frozenset(self._fluents_of(name))
+        return self._fluents[name]
+
+    def _fluents_of(self, name: str) -> set[str]:
         if name not in self._rules:
             return {name} if self._kinds.get(name) is Kind.FLUENT else set()
         used = {
@@ -254,14 +258,9 @@ class Semantics:
     def _fired(self, operator: Operator, bindings: Bindings, facts: Facts) -> Iterator[Fired]:
         for effect in operator.effects:
             once = bool(effect.parameters) or effect.condition != TRUE
-            for found in self._fires(effect, bindings, facts):
+            fires = bound(effect.parameters, effect.condition, facts, bindings) if once else (bindings,)
+            for found in fires:
                 yield substitute_atom(effect.atom, found), effect.adds, once
-
-    def _fires(self, effect: Effect, bindings: Bindings, facts: Facts) -> Iterator[Bindings]:
-        if effect.condition == TRUE and not effect.parameters:
-            yield bindings
-            return
-        yield from bound(effect.parameters, effect.condition, facts, bindings)
 
     def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> StepChange:
         """The least fixpoint of what is added and denied, starting from `added`.

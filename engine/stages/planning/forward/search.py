@@ -7,6 +7,7 @@ for tasks that have too many nodes for regression. Compiled kernels evaluate the
 import copy
 import heapq
 import itertools
+from array import array
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from engine.stages.planning.ties import chance
 from kb.terms import Function
 
 UNKNOWN = 1 << 60
+LARGEST = (1 << 31) - 1  # of the numbers that an array of small ones holds
 _MEETS = Function("_meets")
 BOOST = 1000  # turns that preferred operators get whenever the estimate improves
 
@@ -39,13 +41,14 @@ class Node(NamedTuple):
 class Batch(NamedTuple):
     """Successors of one node that wait in a queue; the last one in `operators` is taken first.
 
-    All have the estimate of the node, so they need only one entry in the queue.
+    All have the estimate of the node, so they need only one entry in the queue. Most of them are never taken, and large tasks have
+    hundreds for each node: so they are plain numbers without an object for each.
     """
 
     key: int
     tie: int
     node: int
-    operators: list[int]
+    operators: "array[int]"
 
 
 class Forward:
@@ -188,7 +191,7 @@ class Forward:
             for number, operators in ((2 * place, applicable), (2 * place + 1, preferred)):
                 if operators:
                     rank = self._rank(key, here)
-                    heapq.heappush(self._queues[number], Batch(rank, self._tie(), here, operators[::-1]))
+                    heapq.heappush(self._queues[number], Batch(rank, self._tie(), here, _numbers(operators)))
         return False
 
     def _rank(self, key: int, node: int) -> int:  # noqa: ARG002 - other searches rank by what the way cost, too
@@ -237,6 +240,12 @@ class Forward:
         used = [pattern for each in path if (pattern := self._suggestions.pattern(each)) is not None]
         offer = Offer("forward", tuple(self._suggestions.patterns), tuple(dict.fromkeys(used)))
         return SearchResult([step for step in steps if step.instance != _MEETS], offer)
+
+
+def _numbers(operators: list[int]) -> "array[int]":
+    """Numbers of operators, the last one first. Those of operators that are repeated may be large."""
+    backward = operators[::-1]
+    return array("i" if max(operators) <= LARGEST else "q", backward)
 
 
 def planned(operators: Sequence[GroundOperator], path: Sequence[int]) -> SearchResult:

@@ -7,6 +7,7 @@ that a restart takes another way.
 import heapq
 import itertools
 from collections.abc import Iterator, Sequence
+from hashlib import blake2b
 
 from engine.model.task import Bits
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
@@ -15,7 +16,19 @@ from engine.stages.planning.regression.space import Backward, Node
 from engine.stages.planning.relaxed import FAR
 from engine.stages.planning.ties import chance
 
-OPEN = 3  # the place of the open conditions in a successor
+OPERATOR, OPEN = 2, 3  # the places of the operator and of the open conditions in a successor
+NOTHING = -1  # in place of an operator: the node itself waits
+SHORT = 512  # bits
+DIGEST = 16  # bytes
+
+
+def _short(conditions: Bits) -> Bits | bytes:
+    """What stands for conditions where only their equality counts: long sets of them become a digest of 128 bits."""
+    if conditions.bit_length() <= SHORT:
+        return conditions
+    return blake2b(
+        conditions.to_bytes((conditions.bit_length() + 7) // 8, "little"), digest_size=DIGEST
+    ).digest()
 
 
 class Climb:
@@ -50,7 +63,7 @@ class Climb:
                 self._stack.pop()
                 continue
             self._closed.add(successor[OPEN])
-            node = self.space.following(node, successor)
+            node = self.space.following(node, successor[OPERATOR])
             if node.open & ~self.space.initial == 0:
                 return self.space.regression.plan(node)
             self._stack.append((node, self._ordered(node, effort)))
@@ -76,12 +89,13 @@ class BestFirst:
     def __init__(self, space: Backward, roots: Sequence[Node], greed: int, below: int = FAR) -> None:
         self.space, self.greed, self.below = space, greed, below
         self._counter = itertools.count()
-        self._queue: list[tuple[int, int, int, Node, Successor | None]] = []
-        self._best: dict[Bits, int] = {}
+        # A node that waits is the one before it and an operator, so that its conditions are made again if its turn comes: most never do.
+        self._queue: list[tuple[int, int, int, Node, int]] = []
+        self._best: dict[Bits | bytes, int] = {}
         for root in roots:
-            self._best[root.open] = 0
+            self._best[_short(root.open)] = 0
             key = greed * space.estimate(root.open)
-            heapq.heappush(self._queue, (key, 0, next(self._counter), root, None))
+            heapq.heappush(self._queue, (key, 0, next(self._counter), root, NOTHING))
 
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
@@ -91,10 +105,10 @@ class BestFirst:
         while self._queue:
             if effort.spent():
                 return None
-            _, _, _, node, successor = heapq.heappop(self._queue)
-            if successor is not None:
-                node = self.space.following(node, successor)
-            if self._best[node.open] < node.cost:
+            _, _, _, node, operator = heapq.heappop(self._queue)
+            if operator != NOTHING:
+                node = self.space.following(node, operator)
+            if self._best[_short(node.open)] < node.cost:
                 continue
             if node.open & ~self.space.initial == 0:
                 return self.space.regression.plan(node)
@@ -106,11 +120,11 @@ class BestFirst:
         best, charges = self._best, self.space.regression.indexed.charges
         for successor in self.space.successors(node, self.below - node.cost):
             lightness, estimate, operator, open_ = successor
-            cost = node.cost + charges[operator]
-            known = best.get(open_)
+            cost, conditions = node.cost + charges[operator], _short(open_)
+            known = best.get(conditions)
             if known is None or cost < known:
-                best[open_] = cost
+                best[conditions] = cost
                 effort.generated += 1
                 key = cost + self.greed * estimate
-                entry = (key, lightness, next(self._counter), node, successor)
+                entry = (key, lightness, next(self._counter), node, operator)
                 heapq.heappush(self._queue, entry)

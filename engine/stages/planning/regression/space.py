@@ -112,12 +112,11 @@ class Backward:
         """The estimated cost until the conditions hold, which must be reachable."""
         return (self.relaxed.plan(conditions) or 0).bit_count()
 
-    def following(self, node: Node, successor: Successor) -> Node:
-        """The node that a successor stands for."""
-        _, _, operator, open_ = successor
-        return Node(
-            open_, operator, node, node.depth + 1, node.cost + self.regression.indexed.charges[operator]
-        )
+    def following(self, node: Node, operator: int) -> Node:
+        """The node before a node, from which an operator leads to it."""
+        indexed = self.regression.indexed
+        open_ = node.open & ~indexed.adds[operator] | indexed.preconditions[operator]
+        return Node(open_, operator, node, node.depth + 1, node.cost + indexed.charges[operator])
 
     def successors(self, node: Node, room: int = FAR) -> list[Successor]:
         """The successors of a node whose operator and estimate together cost less than `room`."""

@@ -6,6 +6,7 @@ the initial state visits only different states (Biere et al. 1999).
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
@@ -48,17 +49,26 @@ class Parallel:
         nearest = [far for goal in task.goals if (far := _farthest(goal, reached)) is not None]
         self.possible = bool(nearest)
         self._decided = min(nearest, default=0) - 1  # it is proved that no plan has this many steps or fewer
-        base = [*facts(task.initial, operators, first, task.mutex_groups, self.size), *_goals(task)]
-        self._solver = Solver(
+        self._task, self._first = task, first
+        self._grounded, self._paths, self._trial = -1, 0, TRIAL
+
+    @cached_property
+    def _solver(self) -> Solver:
+        """The solver with all facts. It is made for the first horizon that has room, because the facts of a large task take much."""
+        operators, size = self.operators, self.size
+        base = [
+            *facts(self._task.initial, operators, self._first, self._task.mutex_groups, size),
+            *_goals(self._task),
+        ]
+        return Solver(
             {
                 "base": ((), " ".join(base)),
-                "step": (("t",), STEP + (SINGLE if single else PARALLEL)),
+                "step": (("t",), STEP + (SINGLE if self.single else PARALLEL)),
                 "ask": (("t",), ASK),
                 "distinct": (("t",), DISTINCT),
             },
             OPTIONS,
         )
-        self._grounded, self._paths, self._trial = -1, 0, TRIAL
 
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.

@@ -5,10 +5,12 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.stages.validation.datalog import in_order, solutions, solve
+from engine.stages.validation.datalog import solutions, solve
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.facts import Facts
-from engine.stages.validation.joins import join
+from engine.stages.validation.joins import joins
+from engine.stages.validation.ordering import in_order
+from engine.stages.validation.tables import Tables
 from kb.model.conditions import Body, Comparison, Literal
 from kb.model.domain import Rule
 from kb.terms import Atom, Function, Variable
@@ -36,13 +38,18 @@ def test_an_instance_with_new_conditions_is_found_once(
 ) -> None:
     fresh = atoms(new - old)
     facts = Facts([*atoms(old), *fresh])
+    tables = Tables(Facts(), {"p", "q"})
+    for atom in atoms(old):
+        tables.told(atom)
+    numbers = [number for atom in fresh if (number := tables.told(atom)) is not None]
+    rows = [tables.rows[number][1] for number in numbers]
     found = [
-        tuple(bindings[each] for each in (X, Y, Z))
-        for place in (0, 1)
-        for bindings in join(RULE, PATH, place, (0, 1)).bindings(fresh, frozenset(fresh), facts)
+        (*map(str, tables.atom(made.needs[0]).arguments), str(tables.atom(made.needs[1]).arguments[1]))
+        for each in joins(RULE, tables)
+        for made in each.instances(rows, numbers)
     ]
-    known = {tuple(b[each] for each in (X, Y, Z)) for b in solve(PATH, Facts(atoms(old)), {})}
-    every = {tuple(b[each] for each in (X, Y, Z)) for b in solve(PATH, facts, {})}
+    known = {tuple(str(b[each]) for each in (X, Y, Z)) for b in solve(PATH, Facts(atoms(old)), {})}
+    every = {tuple(str(b[each]) for each in (X, Y, Z)) for b in solve(PATH, facts, {})}
     assert len(found) == len(set(found))
     assert set(found) == every - known
 
