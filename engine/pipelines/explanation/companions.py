@@ -91,7 +91,7 @@ def unasked(problem: Problem, goals: Sequence[Goal], space: Space) -> Iterator[A
 
     First come those of steps that reach `goals`, then those of steps that all other goals need.
     """
-    numbers = tuple(dict.fromkeys(_numbers(problem.goal)))
+    numbers = tuple(dict.fromkeys(_amounts(problem)))
     asked = {stage for chain in problem.chains for stage in chain.stages}
     seeking = _Seeking(Semantics(problem), space, numbers, asked)
     lengths = {goal.chain: goal.stages for goal in goals}
@@ -132,7 +132,7 @@ class _Seeking:
                 yield from self.behind(each)
 
     def _valued(self, event: Atom) -> Iterator[Atom]:
-        """The event; with each number that goals name, if one number of it is not known."""
+        """The event; with each of the numbers, if one number of it is not known."""
         match list(dict.fromkeys(variables(event))):
             case []:
                 yield event
@@ -149,6 +149,16 @@ def _atoms(condition: Condition) -> Iterator[Atom]:
             yield from (atom for each in parts for atom in _atoms(each))
         case Exists(_, part) | ForAll(_, part):
             yield from _atoms(part)
+
+
+def _amounts(problem: Problem) -> Iterator[Number]:
+    """The numbers that the goals name, then how far quantities are from them at the start."""
+    named = tuple(dict.fromkeys(_numbers(problem.goal)))
+    yield from named
+    for atom in problem.initial if named else ():
+        if atom.name in problem.domain.quantities and isinstance(value := atom.arguments[-1], Number):
+            away = (abs(each.value - value.value) for each in named)
+            yield from (Number(each) for each in away if each)
 
 
 def _numbers(condition: Condition) -> Iterator[Number]:

@@ -65,8 +65,35 @@ def test_no_event_is_proposed_that_would_not_do(cell: Write) -> None:
     assert asked(problem, explain(problem)) == []
 
 
-def test_an_amount_is_taken_from_the_goals() -> None:
-    """`dispense` lets `filled(Tube, Amount)` happen; how much is what the goal compares the content with."""
+POURING = """
+domain: pouring
+types: {tube: object}
+objects: {tube: [one, two]}
+quantities:
+  content(tube): 0..9
+events:
+  filled(tube, int): {}
+operators:
+  fill(T, N):
+    types: {T: tube}
+    adds: filled(T, N)
+    increase: {content(T): N}
+"""
+
+
+@pytest.mark.parametrize(("before", "amount"), [(0, 5), (3, 2)])
+def test_an_amount_is_what_the_goal_names_or_what_is_missing(
+    before: int, amount: int, tmp_path: Path
+) -> None:
+    (tmp_path / "domain.yaml").write_text(POURING)
+    rest = f"initial: ['content(one, {before}), content(two, 1)']\ngoals: ['content(one) = 5']\n"
+    (tmp_path / "p.yaml").write_text(f"problem: p\ndomain: pouring\n{rest}")
+    problem = load_problem(str(tmp_path / "p.yaml"))
+    assert asked(problem, explain(problem)) == [f"add stage filled(one, {amount})"]
+
+
+@pytest.mark.slow
+def test_an_amount_is_proposed_in_a_bundled_cell() -> None:
     problem = load_problem("centrifuge/four")
     wanted = [part for part in goal_parts(problem.goal) if str(part) == "content(tube_1) = 5"]
     problem = replace(problem, goal=And(tuple(wanted)), chains=())
