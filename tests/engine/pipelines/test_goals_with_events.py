@@ -71,7 +71,7 @@ def test_the_workflow_is_named_if_a_goal_needs_an_event_that_is_given_up_with_it
 
 
 @given(chained())
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 def test_nothing_that_is_given_up_could_be_kept_beside_the_rest(problem: Problem) -> None:
     try:
         found = attainable(problem)

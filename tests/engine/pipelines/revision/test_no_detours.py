@@ -29,7 +29,7 @@ SMALL = [
         ("handey", "five"),
     }
 ]
-LAW = settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+LAW = settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 DRAWN = {
     "path": st.sampled_from(SMALL),
     "cut": st.floats(0, 1),
