@@ -2,6 +2,8 @@
 
 Goals are conjuncts of the goal, one for each object where it is about all, and chains up to one of their stages. A chain that is cut keeps the stages before the first
 one that cannot be reached; a chain that waits for another one no longer waits if that one is given up.
+An event occurs only as a stage of a chain. So what can be reached by itself is asked with the events of all chains allowed, and what
+needs an event of a chain is tried again once that chain is kept.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -18,9 +20,11 @@ from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
 from kb.model.conditions import And, Condition, goal_parts
 from kb.model.problem import Chain, Problem
+from kb.model.workflow import allowed, events_of
 
 NOTHING_MORE = "no goal that is still open can be reached"
 IN_ANY_CASE = "it cannot be reached from this state, whatever is done"
+NO_EVENT = "it needs an event of a workflow that is given up"
 KEPT = 16  # ground tasks
 
 Planner = Callable[[Problem, Limits], Outcome]
@@ -106,6 +110,12 @@ class _Search:
     def _separable(self) -> bool:
         return separable(self.problem)
 
+    @cached_property
+    def _with_events(self) -> frozenset[str]:
+        """The chains of which some stage is an event."""
+        domain = self.problem.domain
+        return frozenset(each.name for each in self.problem.chains if events_of(each, domain))
+
     def parts(self) -> list[Part]:
         """All goals, whole."""
         conjuncts = [Part(condition=each) for each in goal_parts(self.problem.goal)]
@@ -129,18 +139,23 @@ class _Search:
         return replace(problem, goal=goal, chains=chains)
 
     def alone(self, part: Part) -> Part | None:
-        """As much of a goal as can be reached if nothing else is wanted; None if that is nothing."""
-        return self._longest([], part)
+        """As much of a goal as can be reached if nothing else is wanted, and all events may occur; None if that is nothing."""
+        return self._longest([], part, free=True)
 
     def together(self, parts: list[Part]) -> list[Part]:
         """Goals that can be reached together: all of them, else one after the other is added as far as it goes."""
         if not parts or not self._infeasible(parts):
             return parts
-        kept: list[Part] = []
-        for part in parts:
-            longest = self._longest(kept, part)
-            kept += [longest] if longest is not None else []
-        return kept
+        kept: dict[int, Part] = {}
+        while True:
+            before = dict(kept)
+            for number, part in enumerate(parts):
+                if kept.get(number) != part:
+                    others = [each for other, each in kept.items() if other != number]
+                    longest = self._longest(others, part)
+                    kept |= {} if longest is None else {number: longest}
+            if kept == before or not self._with_events:  # a goal may need an event of a later chain
+                return [kept[number] for number in sorted(kept)]
 
     def given_up(
         self, wanted: Sequence[Part], alone: Sequence[Part | None], kept: Sequence[Part]
@@ -151,18 +166,26 @@ class _Search:
             if final == whole:
                 continue
             first = _next(whole, final)
-            reason = self._reason(first) if final == reachable else _rivals(kept, whole)
+            reason = self._reason(first) if final == reachable else self._rivals(kept, whole, first)
             yield GivenUp(_name(first), reason)
             if whole.chain is not None:
                 last = whole.chain.stages[first.stages - 1]
                 for stage in whole.chain.stages[first.stages :]:
                     yield GivenUp(f"{stage} of {whole.chain.name}", f"it comes after {last}")
 
-    def _longest(self, others: Sequence[Part], part: Part) -> Part | None:
+    def _longest(self, others: Sequence[Part], part: Part, free: bool = False) -> Part | None:
         if part.chain is None:
-            return None if self._infeasible([*others, part]) else part
+            return None if self._infeasible([*others, part], free=free) else part
         cuts = (part.cut(stages) for stages in range(part.stages, 0, -1))
-        return next((cut for cut in cuts if not self._infeasible([*others, cut])), None)
+        return next((cut for cut in cuts if not self._infeasible([*others, cut], free=free)), None)
+
+    def _rivals(self, kept: Sequence[Part], whole: Part, first: Part) -> str:
+        """Why a goal that can be reached by itself is not among those that are kept."""
+        moved = any(each.chain is not None and each.chain.name in self._with_events for each in kept)
+        if not moved and self._infeasible([first]):
+            return NO_EVENT
+        others = (each for each in kept if each.chain is not whole.chain or whole.chain is None)
+        return f"it cannot be reached together with {', '.join(map(_name, others))}"
 
     def _reason(self, part: Part) -> str:
         """A smallest set of obstacles without which a goal could be reached."""
@@ -177,22 +200,29 @@ class _Search:
         return "; ".join(dict.fromkeys(self.obstacles.reasons[each] for each in sorted(removed)))
 
     def _reachable(self, part: Part, removed: frozenset[int]) -> bool:
-        return not self._infeasible([part], removed)
+        return not self._infeasible([part], removed, free=True)
 
-    def _infeasible(self, parts: Sequence[Part], removed: Removed = None) -> bool:
-        task = self._task(parts, removed)
+    def _infeasible(self, parts: Sequence[Part], removed: Removed = None, free: bool = False) -> bool:
+        task = self._task(parts, removed, free)
         return isinstance(plan_task(task, replace(self.limits, improvement=0)), Infeasible)
 
-    def _task(self, parts: Sequence[Part], removed: Removed) -> Task:
-        """The ground task of some goals, without some obstacles. It is grounded once and asked many times, where that can be."""
+    def _task(self, parts: Sequence[Part], removed: Removed, free: bool) -> Task:
+        """The ground task of some goals, without some obstacles. It is grounded once and asked many times, where that can be.
+
+        If it is `free`, the events of other chains may occur.
+        """
         conjuncts = list(goal_parts(self.problem.goal))
         wanted = [conjuncts.index(part.condition) for part in parts if part.condition is not None]
         stages = {part.chain.name: part.stages for part in parts if part.chain is not None}
-        if self._separable or not stages:
-            task = self._parted(removed).wanting(wanted, stages)
+        others = self._with_events - stages.keys() if free else frozenset()
+        if self._separable or not (stages or others):
+            task = self._parted(removed).wanting(wanted, stages, others)
             if task is not None:
                 return task
-        return ground(self.only(parts, self._among(removed)))
+        among = self._among(removed)
+        asked = self.only(parts, among)
+        more = allowed((each for each in among.chains if each.name in others), among.domain)
+        return ground(replace(asked, chains=(*asked.chains, *more)))
 
     def _parted(self, removed: Removed) -> Parted:
         found = self.grounded.pop(removed, None)
@@ -220,8 +250,3 @@ def _name(part: Part) -> str:
     if part.chain is None:
         return str(part.condition)
     return f"{part.chain.stages[part.stages - 1]} of {part.chain.name}"
-
-
-def _rivals(kept: Sequence[Part], whole: Part) -> str:
-    others = ", ".join(_name(each) for each in kept if each.chain is not whole.chain or whole.chain is None)
-    return f"it cannot be reached together with {others}"

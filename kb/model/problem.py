@@ -17,7 +17,7 @@ class Chain:
     `after` names chains that must be finished first. The last stage must still hold at the end, unless a
     chain of the same subject comes after this one. Any atom that fits reaches a fluent stage with `_`. Such a
     stage need not last, unless a goal says so. A stage of several fluents that are reached together is one term, `&` of
-    them (`kb.terms.together`).
+    them (`kb.terms.together`). A chain that is not `wanted` says which events may occur, in their order; none of them has to.
     """
 
     name: str
@@ -25,6 +25,7 @@ class Chain:
     after: tuple[str, ...] = ()
     subject: Term | None = None
     where: Source = field(default=NOWHERE, compare=False)
+    wanted: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ the checker considers every chain that an event can serve, the others take only 
 """
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from kb.model.domain import Domain, Kind
@@ -188,14 +189,30 @@ def superseded(chains: Sequence[Chain]) -> frozenset[str]:
 def lasting(chains: Sequence[Chain], domain: Domain) -> dict[str, tuple[Atom, ...]]:
     """For each chain, what must still hold at the end: the fluents of its last stage, if they are without `_`.
 
-    Chains that another chain of the same subject follows are left out.
+    Chains that another chain of the same subject follows, and chains that are not wanted, are left out.
     """
     passing = superseded(chains)
     return {
         chain.name: parts_of(chain.stages[-1])
         for chain in chains
-        if chain.name not in passing and is_ground(chain.stages[-1]) and _lasts(chain.stages[-1], domain)
+        if chain.wanted
+        and chain.name not in passing
+        and is_ground(chain.stages[-1])
+        and _lasts(chain.stages[-1], domain)
     }
+
+
+def allowed(chains: Iterable[Chain], domain: Domain) -> Iterator[Chain]:
+    """The events of chains as chains that nobody wants to end. They wait for no others."""
+    for chain in chains:
+        if events := events_of(chain, domain):
+            yield replace(chain, stages=events, after=(), wanted=False)
+
+
+def events_of(chain: Chain, domain: Domain) -> tuple[Atom, ...]:
+    """The stages of a chain that are events."""
+    declared = [(stage, domain.predicates.get(stage.name)) for stage in chain.stages]
+    return tuple(stage for stage, each in declared if each is not None and each.kind is Kind.EVENT)
 
 
 def _lasts(stage: Atom, domain: Domain) -> bool:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 from kb.diagnostics import nearest
 
 Path = tuple[str | int, ...]
+CUT_OFF = "a comma between { and } ends a value: put the whole value in quotes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +86,10 @@ def _place(error: Any, content: Any) -> Path:
 
 
 def _unknown_key(path: Path, model: type[BaseModel]) -> Deviation:
-    known = known_keys(model, path[:-1])
-    hint = nearest(str(path[-1]), known) or (f"known here: {', '.join(known)}" if known else "leave it out")
-    return Deviation(path, f"unknown key '{path[-1]}'", hint, at_key=True)
+    known, key = known_keys(model, path[:-1]), str(path[-1])
+    cut_off = CUT_OFF if key.count(")") > key.count("(") else ""  # the rest of a term that YAML has split
+    hint = cut_off or nearest(key, known) or (f"known here: {', '.join(known)}" if known else "leave it out")
+    return Deviation(path, f"unknown key '{key}'", hint, at_key=True)
 
 
 def _wrong_value(path: Path, errors: Sequence[Any]) -> Deviation:

@@ -66,7 +66,9 @@ class _Inquiry:
             lambda each: self._planned(each, self._trial),
             self.limits.interrupted,
         )
-        asked = () if barred else (*companions(self.problem, goals, advice.planned), *advice.smallest())
+        asked = (
+            () if barred else (*companions(self.problem, goals, space, advice.planned), *advice.smallest())
+        )
         changes = [self._told(change, found) for change, found in asked]
         lacking = () if barred or changes or advice.untried else tuple(gaps(only(self.problem, goals), space))
         if len(goals) > 1 or not changes:

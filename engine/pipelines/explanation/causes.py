@@ -93,15 +93,17 @@ class Company:
 
 def company(semantics: Semantics, cause: Cause) -> Iterator[Company]:
     """The events that a step lets happen, each with the condition under which it does."""
+    return (each for each in happening(semantics, cause) if is_ground(each.event))
+
+
+def happening(semantics: Semantics, cause: Cause) -> Iterator[Company]:
+    """`company`, with the events of which a number is not known."""
     domain, bindings = semantics.problem.domain, dict(cause.bindings)
     for effect in cause.operator.effects if cause.operator is not None else ():
         if effect.adds and domain.predicates[effect.atom.name].kind is Kind.EVENT:
             for found in _happening(semantics, effect, bindings):
-                event = substitute_atom(effect.atom, found)
-                if is_ground(event):
-                    yield Company(
-                        event, tuple(substitute_part(each, found) for each in plain(effect.condition))
-                    )
+                when = tuple(substitute_part(each, found) for each in plain(effect.condition))
+                yield Company(substitute_atom(effect.atom, found), when)
 
 
 def _happening(semantics: Semantics, effect: Effect, bindings: Substitution) -> Iterator[Substitution]:

@@ -7,6 +7,7 @@ from engine.pipelines.explanation.amendments import chain_text, without_chains
 from engine.stages.grounding import ground
 from kb.model.conditions import And, Condition, goal_parts
 from kb.model.problem import Problem
+from kb.model.workflow import allowed
 
 Infeasible = Callable[[Problem], bool]
 
@@ -52,12 +53,15 @@ def _shortened(problem: Problem, goal: Goal, infeasible: Infeasible) -> Goal:
 
 
 def only(problem: Problem, goals: Sequence[Goal]) -> Problem:
-    """The problem with some of its goals alone."""
+    """The problem with some of its goals alone. The events that the other chains ask for may occur, and need not."""
     lengths = {goal.chain: goal.stages for goal in goals if goal.chain}
     dropped = {chain.name for chain in problem.chains} - set(lengths)
-    chains = tuple(
-        replace(chain, stages=chain.stages[: lengths[chain.name]])
-        for chain in without_chains(problem.chains, dropped)
+    chains = (
+        *(
+            replace(chain, stages=chain.stages[: lengths[chain.name]])
+            for chain in without_chains(problem.chains, dropped)
+        ),
+        *allowed((chain for chain in problem.chains if chain.name in dropped), problem.domain),
     )
     goal = And(tuple(each.condition for each in goals if each.condition is not None))
     return replace(problem, goal=goal, chains=chains)

@@ -18,7 +18,8 @@ def gaps(problem: Problem, space: Space) -> Iterator[str]:
     """A sentence for each fact that a way to the goals needs, that does not hold and that no operator makes true."""
     seeking = _Seeking(Semantics(problem), space)
     asked = (each.atom for each in plain(problem.goal) if isinstance(each, Literal) and each.positive)
-    wanted = [part for chain in problem.chains for stage in chain.stages for part in parts_of(stage)]
+    stages = (stage for chain in problem.chains if chain.wanted for stage in chain.stages)
+    wanted = (part for stage in stages for part in parts_of(stage))
     for atom in (*asked, *wanted):
         yield from seeking.back_from(atom, "the goal")
 

@@ -30,7 +30,7 @@ def out_of_range(problem: Problem, goal: Goal) -> tuple[str, ...]:
     """Why ranges rule out a goal: itself, or a sentence for each step that would reach it; none if they allow some step."""
     asked = only(problem, [goal])
     reading = _Reading(without_quantities(asked), problem.domain)
-    stages = [part for chain in asked.chains for part in parts_of(chain.stages[-1])]
+    stages = [part for chain in asked.chains if chain.wanted for part in parts_of(chain.stages[-1])]
     wanted = [each.atom for each in _atoms(reading.taken.problem.goal)]
     for atom in (*stages, *wanted):
         if found := tuple(reading.barred(atom)):

@@ -2,7 +2,8 @@
 
 If the kernel of a tail holds in the observed state, the plan goes on with the shortest such tail. Otherwise the planner
 plans from the observed state to the kernel of some tail; the task is grounded already. Steps that the new situation makes
-needless are dropped (Nakhost & Müller 2010). The problem is replanned as a whole if repair fails or costs too much.
+needless are dropped (Nakhost & Müller 2010). The problem is replanned as a whole if repair fails or costs too much. If the
+task is small, replanning is compared with every repair over a gap: what leads back to the old plan may be a detour.
 """
 
 import dataclasses
@@ -11,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.outcome import Found, Outcome
+from engine.model.outcome import Found, GaveUp, Outcome
 from engine.model.replay import early
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator
@@ -25,6 +26,7 @@ from engine.stages.planning import plan as plan_task
 from engine.stages.planning.elimination import eliminate
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.planning.variants import plainly
+from kb.diagnostics import InvalidInput
 from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Text
@@ -33,6 +35,7 @@ Sequencer = Callable[[Problem, Limits], Outcome | None]
 """The answer for a problem whose acts the domain puts in order, as an inspection's measurements; None for any other."""
 
 GAPS = 3  # the most tails to which a gap is planned
+SMALL = 500  # operators of a task that is planned anew in any case, to see whether that is cheaper than to lead back to the plan
 SLACK = 5  # a repair may cost so much more than the steps left, or a quarter more if that is more
 
 
@@ -86,15 +89,24 @@ def revise(
     if isinstance(in_order, Found) and not both:
         return _revision(problem, in_order, "replanned", left, None, in_order.plan.cost)
     repaired = repair.over_a_gap() if kept is None else kept
-    if repaired is not None and repaired.cost <= affordable(left) and not both:
+    compared = both or (kept is None and len(course.task.operators) <= SMALL)
+    if repaired is not None and repaired.cost <= affordable(left) and not compared:
         return _revision(problem, Found(repaired), way, left, repaired.cost, None)
     if repaired is None:
         return planned_anew(problem, Plan(tuple(left)), limits, obstacles, sequencer)
-    replanned = in_order or planning.plan(problem, limits)
+    replanned = in_order or _anew(problem, limits, sequencer)
     cost = replanned.plan.cost if isinstance(replanned, Found) else None
     if cost is None or repaired.cost <= cost:
         return _revision(problem, Found(repaired), way, left, repaired.cost, cost)
     return _revision(problem, replanned, "replanned", left, repaired.cost, cost)
+
+
+def _anew(problem: Problem, limits: Limits, sequencer: Sequencer) -> Outcome:
+    """The answer for all goals; that nothing is known if the state lacks what planning needs and a repair does not."""
+    try:
+        return sequencer(problem, limits) or planning.plan(problem, limits)
+    except InvalidInput as error:
+        return GaveUp(str(error))
 
 
 def planned_anew(

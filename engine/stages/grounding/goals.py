@@ -8,7 +8,7 @@ way, too. Where derived atoms stay in the task, a conjunct that can be met in se
 """
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 
@@ -43,8 +43,12 @@ class Parted:
     ways: tuple[tuple[Bits, ...], ...]
     chains: Mapping[str, "Counted"] = field(default_factory=dict)
 
-    def wanting(self, parts: Sequence[int], stages: Mapping[str, int] = NO_STAGES) -> Task | None:
-        """The task with some of the conjuncts as its goal, and with chains up to so many `stages`; the others do not move.
+    def wanting(
+        self, parts: Sequence[int], stages: Mapping[str, int] = NO_STAGES, free: Collection[str] = ()
+    ) -> Task | None:
+        """The task with some of the conjuncts as its goal, and with chains up to so many `stages`.
+
+        Those that are `free` may move and need not; the others do not move.
 
         None if there are too many combinations of the ways of conjuncts.
         """
@@ -52,6 +56,7 @@ class Parted:
         if prod(map(len, chosen)) > MAX_ALTERNATIVES:
             return None
         counts = {name: max(stages.get(name, 0), each.begun) for name, each in self.chains.items()}
+        counts |= {name: len(self.chains[name].bits) - 1 for name in free}
         beyond = _union(b for name, each in self.chains.items() for b in each.bits[counts[name] + 1 :])
         ends = _union(self.chains[name].bits[counts[name]] for name in stages)
         ends |= _union(self.chains[name].lasting[number] for name, number in stages.items())

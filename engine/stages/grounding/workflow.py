@@ -75,7 +75,7 @@ class Workflow:
         self.atoms.extend(stage_atom(chain, reached) for reached in range(len(chain.stages) + 1))
         counters = tuple(1 << (start + reached) for reached in range(len(chain.stages) + 1))
         self.initial |= counters[count]
-        self.goal |= counters[-1]
+        self.goal |= counters[-1] if chain.wanted else 0
         self.groups.append(sum(counters))
         self._finished[chain.name] = counters[-1]
         waits = 0

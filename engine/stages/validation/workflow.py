@@ -123,11 +123,10 @@ class ChainProgress:
 
     def missing(self) -> list[str]:
         """The stages that the most advanced reading has not reached, and last fluents that no longer hold."""
-        best = max(self.readings, key=sum)
         found = [
             f"{chain.stages[n]} of {chain.name}"
-            for chain, n in zip(self.chains, best, strict=True)
-            if n < len(chain.stages)
+            for chain, n in zip(self.chains, self._best(), strict=True)
+            if chain.wanted and n < len(chain.stages)
         ]
         wanted = (last for own in lasting(self.chains, self.domain).values() for last in own)
         return [*found, *(f"{last} at the end" for last in wanted if last not in self.state)]
@@ -150,7 +149,12 @@ class ChainProgress:
 
     def trail(self) -> Trail:
         """The stages that each chain has reached, in their order, in the most advanced reading."""
-        return self.readings[max(self.readings, key=sum)]
+        return self.readings[self._best()]
+
+    def _best(self) -> Counters:
+        """The most advanced reading: first of what is wanted, then of all."""
+        wanted = [chain.wanted for chain in self.chains]
+        return max(self.readings, key=lambda counts: (sum(itertools.compress(counts, wanted)), sum(counts)))
 
     def steps_of(self, name: str) -> tuple[StepId, ...]:
         """The steps with which a chain has reached its stages, in their order, in the most advanced reading."""

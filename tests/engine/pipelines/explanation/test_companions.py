@@ -11,6 +11,7 @@ from engine.pipelines import planning
 from engine.pipelines.explanation import changed, explain
 from engine.pipelines.explanation.companions import companions
 from engine.pipelines.explanation.culprits import minimal_goals
+from engine.pipelines.explanation.space import Space
 from kb.loader import load_problem
 from kb.model.problem import Problem
 
@@ -98,6 +99,7 @@ def test_a_step_of_two_events_is_told_by_the_second_one(cell: Write) -> None:
 def test_one_tube_alone_needs_another_one_in_the_bundled_rotor() -> None:
     problem = planning.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
     goals = minimal_goals(problem, lambda each: isinstance(planning.plan(each), Infeasible))
-    change, found = next(companions(problem, goals, planning.plan))
+    space = Space.of(problem, ())
+    change, found = next(companions(problem, goals, space, planning.plan))
     assert (change.kind, list(map(str, change.facts))) == ("add stage", ["spun(tube_2, 300)"])
     assert len(found.plan.steps) == 8

@@ -1,0 +1,32 @@
+"""Steps of a plan that could be left out, by trying."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+from engine.stages.validation import findings
+from engine.stages.validation.semantics import Semantics
+from kb.model.plan import Plan, Step
+from kb.model.problem import Problem
+
+
+def needless(problem: Problem, plan: Plan, most: int) -> tuple[str, ...]:
+    """The first set of at most so many steps without which the checker accepts the others, one after another; else nothing.
+
+    The plan itself has to be accepted in this way.
+    """
+    semantics, steps = Semantics(problem), plan.steps
+    assert not findings(semantics, one_by_one(steps))
+    for count in range(1, most + 1):
+        for chosen in itertools.combinations(steps, count):
+            rest = [step for step in steps if step not in chosen]
+            if not findings(semantics, one_by_one(rest)):
+                return tuple(str(step.operator) for step in chosen)
+    return ()
+
+
+def one_by_one(steps: Sequence[Step]) -> Plan:
+    """The steps in their order, each after the one before it."""
+    return Plan(
+        tuple(replace(step, id=n, after=(n - 1,) if n > 1 else ()) for n, step in enumerate(steps, 1))
+    )
