@@ -52,7 +52,7 @@ class _Inquiry:
 
     def explanation(self, reason: str) -> Explanation:
         """The culprits, then what would help."""
-        goals = minimal_goals(self.problem, lambda each: isinstance(self._planned(each), Infeasible))
+        goals = minimal_goals(self.problem, self._has_none)
         initial = tuple(a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage"))
         space = Space.of(self.problem, initial)
         barred = out_of_range(self.problem, goals[0]) if len(goals) == 1 else ()
@@ -115,6 +115,14 @@ class _Inquiry:
             return planning.plan(problem, limits or part)
         except InvalidInput:
             return None
+
+    def _has_none(self, problem: Problem) -> bool | None:
+        """Whether a problem has no plan; None if that is not decided."""
+        part = replace(
+            self.limits, expansions=min(self.limits.expansions, PART), improvement=0, restarts=0, room=None
+        )
+        outcome = self._planned(problem, part)
+        return isinstance(outcome, Infeasible) if isinstance(outcome, Found | Infeasible) else None
 
     def _told(self, change: Amendment, found: Found) -> Amendment:
         """The change with its proof."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.model.explanation import Amendment
-from engine.model.outcome import Found, Infeasible, Outcome
+from engine.model.outcome import Found, Outcome
 from engine.pipelines.explanation.amendments import changed
 from engine.pipelines.explanation.causes import causes, happening
 from engine.pipelines.explanation.culprits import Goal
@@ -34,7 +34,9 @@ def companions(
     """The fewest events that have to be asked for besides the goals so that there is a plan, with that plan."""
     events = tuple(unasked(problem, goals, space))
     loose = planned(_allowing(problem, events)) if events else None
-    if not events or isinstance(loose, Infeasible):
+    if not isinstance(
+        loose, Found
+    ):  # what is open with all of them is not closed by fewer in the time there is
         return
     found = 0
     for size in SIZES:
@@ -47,8 +49,7 @@ def companions(
                     yield change, outcome
         if found:
             return
-    if isinstance(loose, Found):
-        yield from _used(problem, loose.plan, events, planned)
+    yield from _used(problem, loose.plan, events, planned)
 
 
 def _allowing(problem: Problem, events: Iterable[Atom]) -> Problem:

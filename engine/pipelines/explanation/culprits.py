@@ -9,7 +9,7 @@ from kb.model.conditions import And, Condition, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import allowed
 
-Infeasible = Callable[[Problem], bool]
+Infeasible = Callable[[Problem], bool | None]  # None if it is not decided
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,19 +27,48 @@ class Goal:
 
 
 def minimal_goals(problem: Problem, infeasible: Infeasible) -> list[Goal]:
-    """A set of goals that has no plan while any part of it has one: a single goal, else by deletion filtering."""
-    kept = [Goal(part, text=str(part), whole=str(part)) for part in goal_parts(problem.goal)]
+    """A set of goals that has no plan while any part of it has one: a single goal if there is one, else the last such goals."""
+    goals = [Goal(part, text=str(part), whole=str(part)) for part in goal_parts(problem.goal)]
     for chain in problem.chains:
         text = chain_text(chain.name, chain.stages)
-        kept.append(Goal(None, chain.name, len(chain.stages), text, text))
-    alone = next((goal for goal in kept if infeasible(only(problem, [goal]))), None)
-    if alone is not None:
-        return [_shortened(problem, alone, infeasible)]
-    for goal in list(kept):
-        rest = [each for each in kept if each is not goal]
-        if rest and infeasible(only(problem, rest)):
-            kept = rest
-    return kept
+        goals.append(Goal(None, chain.name, len(chain.stages), text, text))
+    parts = _Parts(problem, infeasible)
+    found = parts.conflict([], goals)
+    alone = next((goal for goal in goals if parts.fails([goal])), None)
+    return found if alone is None else [_shortened(problem, alone, infeasible)]
+
+
+class _Parts:
+    """Which parts of the goals have no plan. A part of what has a plan has one."""
+
+    def __init__(self, problem: Problem, infeasible: Infeasible) -> None:
+        self._problem, self._infeasible = problem, infeasible
+        self._failing: dict[frozenset[Goal], bool] = {}
+        self._planned: list[frozenset[Goal]] = []
+
+    def fails(self, goals: Sequence[Goal]) -> bool:
+        """Whether there is proof that some goals have no plan."""
+        part = frozenset(goals)
+        if not part or any(part <= each for each in self._planned):
+            return False
+        if part not in self._failing:
+            answer = self._infeasible(only(self._problem, goals))
+            self._failing[part] = bool(answer)
+            self._planned += [part] if answer is False else []
+        return self._failing[part]
+
+    def conflict(self, base: Sequence[Goal], goals: Sequence[Goal], more: bool = False) -> list[Goal]:
+        """The goals without which those of the base would have a plan, and none more: by halves (Junker 2004). All together have none.
+
+        `more` says that the base has grown, so that it may have no plan by itself.
+        """
+        if more and self.fails(base):
+            return []
+        if len(goals) < 2:
+            return list(goals)
+        first, last = goals[: len(goals) // 2], goals[len(goals) // 2 :]
+        one = self.conflict([*base, *last], first, True)
+        return [*one, *self.conflict([*base, *one], last, bool(one))]
 
 
 def _shortened(problem: Problem, goal: Goal, infeasible: Infeasible) -> Goal:
