@@ -165,8 +165,13 @@ def _changes(certain: Mapping[Atom, float], change: Revision) -> list[str]:
     lines += [f"assumed: {atom} ({why})" for atom, why in change.assumed]
     lines += [f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in change.follows]
     lines += [f"kept: {atom} ({why})" for atom, why in change.kept]
-    lines += [f"lost: {name}" for name in change.lost]
+    lines += [f"lost: {_thing(name)}" for name in change.lost]
     return lines + _blocked(change)
+
+
+def _thing(name: str) -> str:
+    """A thing that is lost, or which argument of the failed step it is if nobody has told the step."""
+    return f"the {name} of the step that failed (say which step with --step)" if name[:1].isupper() else name
 
 
 def _blocked(change: Revision) -> list[str]:

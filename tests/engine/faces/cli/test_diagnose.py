@@ -143,3 +143,8 @@ def test_the_interrupted_step_may_be_a_number_of_the_plan(tmp_path: Path) -> Non
     refused = run(*asked, "--step", "99")
     assert refused.exit_code == 2
     assert f"its steps are 1 to {len(steps)}" in refused.output
+
+
+def test_what_is_lost_is_told_in_words_where_no_step_is_named() -> None:
+    told = run("halves", "--exception", "drive_fails", "--hidden", "drive_defective").output
+    assert "lost: the Arm of the step that failed" in " ".join(told.split())
