@@ -190,7 +190,8 @@ class _Check:
         """The first part of a step's precondition that does not hold, written with its values."""
         needs = self.semantics.needs(step.operator, operator, bindings)
         if needs is None:
-            return next(iter(self._failed(operator.precondition, facts, bindings)), None)
+            failed = self.semantics.unmet(operator, step.operator, facts)
+            return None if failed is None else _said(failed, bindings)
         return next((str(each) for each in needs if (each.atom in facts) != each.positive), None)
 
     def _failed(self, condition: Condition, facts: Facts, bindings: Substitution) -> Iterator[str]:

@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from engine.stages.validation.changes import Denial
+from engine.stages.validation.changes import Denial, StepChange
 from engine.stages.validation.datalog import Bindings
+from engine.stages.validation.facts import Facts
 from kb.arithmetic import evaluate
 from kb.model.amounts import Amounts
 from kb.model.conditions import TRUE, And, Condition, Literal
@@ -65,5 +66,12 @@ def effects_of(fired: Iterable[Fired], kinds: Mapping[str, Kind]) -> Effects:
                 events.append(atom)
         else:
             (added if adds else explicit).append(atom)
-    denials = tuple(Denial(atom, deduced=False) for atom in explicit if atom not in added)
+    denials = tuple([Denial(atom, deduced=False) for atom in explicit if atom not in added])
     return Effects(tuple(added), denials, tuple(events))
+
+
+def as_named(made: Effects, state: Facts) -> StepChange:
+    """What effects change where nothing follows from them."""
+    adds = frozenset(made.added)
+    ends = frozenset([each.pattern for each in made.denials if each.pattern in state])
+    return StepChange(adds, ends, made.denials[::-1], events=made.events)

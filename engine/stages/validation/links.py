@@ -62,9 +62,10 @@ class Links:
             return "the producer does not achieve it"
         for executed in self._meddling(link, atom, positive):
             other = executed.step.id
+            if other in (link.producer, link.consumer):
+                continue
             early = link.producer != START and order.precedes(other, link.producer)
-            late = link.consumer != GOAL and order.precedes(link.consumer, other)
-            if early or late or other in (link.producer, link.consumer):
+            if early or (link.consumer != GOAL and order.precedes(link.consumer, other)):
                 continue
             if self._destroys(executed, atom, positive):
                 return f"step {other} {executed.step.operator} can come between and end it"
@@ -105,8 +106,10 @@ class Links:
         first, last = self.plan.order.between(link.producer, link.consumer)
         lists = (self._denying[0].get(atom, ()), self._denying[1].get(atom.name, ()))
         places = lists if positive else (self._adding.get(atom, ()),)
-        found = {p for each in places for p in each[bisect_left(each, first) : bisect_left(each, last)]}
-        return (self._executed[place] for place in sorted(found))
+        found = [
+            p for each in places if each for p in each[bisect_left(each, first) : bisect_left(each, last)]
+        ]
+        return map(self._executed.__getitem__, found if len(found) < 2 else sorted(set(found)))
 
     @cached_property
     def _executed(self) -> list[Executed]:
@@ -127,9 +130,11 @@ class Links:
         single: dict[Atom, list[int]] = {}
         any_of: dict[str, list[int]] = {}
         for place, executed in enumerate(self._executed):
-            for atom in executed.denied:
-                single.setdefault(atom, []).append(place)
-            for name in {each.pattern.name for each in executed.deductions}:
+            for pattern in {each.pattern for each in executed.change.denials if each.consequence is None}:
+                single.setdefault(pattern, []).append(place)
+            for name in {
+                each.pattern.name for each in executed.change.denials if each.consequence is not None
+            }:
                 any_of.setdefault(name, []).append(place)
         return single, any_of
 
