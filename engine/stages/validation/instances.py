@@ -8,9 +8,9 @@ from engine.stages.validation.datalog import Bindings
 from engine.stages.validation.facts import Facts
 from kb.arithmetic import evaluate
 from kb.model.amounts import Amounts
-from kb.model.conditions import TRUE, And, Condition, Literal
+from kb.model.conditions import TRUE
 from kb.model.domain import Kind, Operator
-from kb.terms import Atom, Term, is_ground, substitute, substitute_atom
+from kb.terms import Atom, Term, substitute
 
 Fired = tuple[Atom, bool, bool]
 """An atom that an effect names, whether it is added, and whether as an event it comes but once."""
@@ -30,18 +30,6 @@ class Effects(NamedTuple):
     added: tuple[Atom, ...]
     denials: tuple[Denial, ...]
     events: tuple[Atom, ...]
-
-
-def needed(condition: Condition, bindings: Bindings) -> tuple[Literal, ...] | None:
-    """A condition as ground literals, all of which must hold; None if it is something else."""
-    parts = condition.parts if isinstance(condition, And) else (condition,)
-    found = [
-        Literal(substitute_atom(part.atom, bindings), part.positive)
-        for part in parts
-        if isinstance(part, Literal)
-    ]
-    ground = len(found) == len(parts) and all(is_ground(each.atom) for each in found)
-    return tuple(found) if ground else None
 
 
 def unconditional(operator: Operator) -> bool:

@@ -22,7 +22,6 @@ from engine.stages.validation.instances import (
     as_named,
     demands_of,
     effects_of,
-    needed,
 )
 from engine.stages.validation.prepared import Prepared
 from kb.asp.statics import evaluated
@@ -48,7 +47,6 @@ class Semantics:
     _start: State | None = None
     _bound: dict[Function, tuple[Operator, Bindings] | str] = field(default_factory=dict)
     _demands: dict[Function, Demands] = field(default_factory=dict)
-    _needs: dict[Function, tuple[Literal, ...] | None] = field(default_factory=dict)
     _changes: dict[Function, Effects] = field(default_factory=dict)
     _operators: dict[str, Prepared] = field(default_factory=dict)
     _fluents: dict[str, frozenset[str]] = field(default_factory=dict)
@@ -235,12 +233,6 @@ class Semantics:
         if step not in self._demands:
             remembered(self._demands, step, demands_of(operator, bindings, self.amounts))
         return self._demands[step]
-
-    def needs(self, step: Function, operator: Operator, bindings: Bindings) -> tuple[Literal, ...] | None:
-        """The precondition of a step as ground literals; None if it is something else."""
-        if step not in self._needs:
-            remembered(self._needs, step, needed(operator.precondition, bindings))
-        return self._needs[step]
 
     def change(
         self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts
