@@ -64,13 +64,14 @@ class Facts:
             if name in found._indexes:
                 found._indexes[name] = found._indexes[name].copy()
         for atom in ends:
-            if atom in found._by_name[atom.name]:
-                del found._by_name[atom.name][atom]
+            if found._by_name[atom.name].pop(atom, 0) is None and found._indexes:
                 found._reindex(atom, ())
         for atom in adds:
-            if atom not in found._by_name[atom.name]:
-                found._by_name[atom.name][atom] = None
-                found._reindex(atom, (atom,))
+            own = found._by_name[atom.name]
+            if atom not in own:
+                own[atom] = None
+                if found._indexes:
+                    found._reindex(atom, (atom,))
         return found
 
     def _reindex(self, atom: Atom, now: tuple[Atom, ...]) -> None:

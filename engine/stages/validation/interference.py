@@ -82,6 +82,7 @@ class Mentioned(NamedTuple):
 
     by_effects: set[Atom]
     by_precondition: set[Atom]
+    regions: frozenset[Region]
 
 
 @dataclass
@@ -116,17 +117,22 @@ class Interference:
             if problem:
                 yield f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
 
-    def _regions(self, executed: Executed) -> Iterator[Region]:
-        """The regions that a step may touch: what it holds and changes, and all that it may depend on."""
-        change, mentioned = executed.change, self._mentioned(executed)
-        links = self._links_to.get(executed.step.id, ())
-        yield from (("", each) for each in executed.step.resources)
-        yield from (_region(signed(each.condition)[0]) for each in links if not is_stage(each.condition))
-        for atoms in (change.adds, change.ends, change.triggered, *mentioned):
-            yield from map(_region, atoms)
-        for denial in change.denials:
-            whole = denial.consequence is not None
-            yield (denial.pattern.name, ANYTHING) if whole else _region(denial.pattern)
+    def _regions(self, executed: Executed) -> set[Region]:
+        """The regions that a step may touch: what it holds and changes, and all that it may depend on.
+
+        Atoms end only where the step denies them.
+        """
+        found = set(self._mentioned(executed).regions)
+        found.update([_region(atom) for atom in executed.change.adds])
+        for denial in executed.change.denials:
+            found.add(
+                _region(denial.pattern) if denial.consequence is None else (denial.pattern.name, ANYTHING)
+            )
+        for link in self._links_to.get(executed.step.id, ()):
+            if not is_stage(link.condition):
+                found.add(_region(signed(link.condition)[0]))
+        found.update([("", each) for each in executed.step.resources])
+        return found
 
     def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
         """How `one` disturbs `other`; an empty text if it does not."""
@@ -173,7 +179,8 @@ class Interference:
             operator, bindings = executed.operator, executed.bindings
             conditions = [e.condition for e in operator.effects if e.condition != TRUE or e.parameters]
             effects = {each for condition in conditions for each in self.mentioned(condition, bindings)}
-            found = Mentioned(effects, set(self.mentioned(operator.precondition, bindings)))
+            needed = set(self.mentioned(operator.precondition, bindings))
+            found = Mentioned(effects, needed, frozenset(map(_region, effects | needed)))
             self._of_steps[executed.step.operator] = found
         return found
 

@@ -61,14 +61,8 @@ class Links:
         if not self._produces(link.producer, atom, positive):
             return "the producer does not achieve it"
         for executed in self._meddling(link, atom, positive):
-            other = executed.step.id
-            if other in (link.producer, link.consumer):
-                continue
-            early = link.producer != START and order.precedes(other, link.producer)
-            if early or (link.consumer != GOAL and order.precedes(link.consumer, other)):
-                continue
             if self._destroys(executed, atom, positive):
-                return f"step {other} {executed.step.operator} can come between and end it"
+                return f"step {executed.step.id} {executed.step.operator} can come between and end it"
         return ""
 
     def _unordered(self, link: CausalLink) -> bool:
@@ -106,10 +100,23 @@ class Links:
         first, last = self.plan.order.between(link.producer, link.consumer)
         lists = (self._denying[0].get(atom, ()), self._denying[1].get(atom.name, ()))
         places = lists if positive else (self._adding.get(atom, ()),)
-        found = [
+        found = {
             p for each in places if each for p in each[bisect_left(each, first) : bisect_left(each, last)]
-        ]
-        return map(self._executed.__getitem__, found if len(found) < 2 else sorted(set(found)))
+        }
+        ends = self._ends(link)
+        found.difference_update(ends)
+        return (self._executed[place] for place in sorted(found) if self._comes_between(place, *ends))
+
+    def _ends(self, link: CausalLink) -> tuple[int, int]:
+        """The places of a link's producer and consumer; the start is before all places, the goal after them."""
+        place = self.plan.order.place
+        last = len(place) if link.consumer == GOAL else place[link.consumer]
+        return -1 if link.producer == START else place[link.producer], last
+
+    def _comes_between(self, place: int, first: int, last: int) -> bool:
+        """Whether a step may come after the one at `first` and before the one at `last`. It waits only for steps at lower places."""
+        before = self.plan.order.before
+        return not (place < first and before(place, first)) and not (place > last and before(last, place))
 
     @cached_property
     def _executed(self) -> list[Executed]:

@@ -75,9 +75,17 @@ def _matching(pattern: Pattern) -> Matching:
 
     def found(facts: Facts, slots: Slots) -> list[Atom]:
         wanted = [(at, slots[place]) for at, place in known]
-        atoms = [each for each in facts.having(name, wanted) if len(each.arguments) == arity]
-        for at, value in wanted:
-            atoms = [each for each in atoms if (own := each.arguments[at]) is value or own == value]
+        if not wanted:
+            atoms = [each for each in facts.having(name, wanted) if len(each.arguments) == arity]
+        else:
+            at, value = wanted[0]
+            atoms = [
+                each
+                for each in facts.having(name, wanted)
+                if len(own := each.arguments) == arity and (own[at] is value or own[at] == value)
+            ]
+        for at, value in wanted[1:]:
+            atoms = [each for each in atoms if each.arguments[at] == value]
         for at, other in same:
             atoms = [each for each in atoms if each.arguments[at] == each.arguments[other]]
         return atoms

@@ -49,6 +49,8 @@ class Prepared:
 
     def unmet(self, facts: Facts, values: Iterable[Term]) -> Condition | None:
         """The first conjunct of the precondition that does not hold; None if all hold."""
+        if not self.needs:
+            return None
         slots = self._scope.slots(values)
         return next((each.condition for each in self.needs if not each.holds(facts, slots)), None)
 
