@@ -55,7 +55,6 @@ class Links:
     def _broken(self, link: CausalLink) -> str:
         """Why a link does not hold in every order; nothing if it does."""
         atom, positive = signed(link.condition)
-        order = self.plan.order
         if self._unordered(link):
             return "the producer is not ordered before the consumer"
         if not self._produces(link.producer, atom, positive):
