@@ -15,9 +15,9 @@ from kb.terms import ANYTHING, Function
 from tests.engine.stages.validation.test_precedence import plans
 from tests.properties.plans import posed
 
-A, B, C = map(Function, "abc")
+A = Function("a")
 SOME = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
-within = st.sampled_from([(name, first) for name in "pq" for first in (A, B, C, None, ANYTHING)])
+within = st.sampled_from([(name, first) for name in "pq" for first in (A, ANYTHING)][:3])
 keys = st.frozensets(st.sampled_from("abc"), max_size=2)
 
 

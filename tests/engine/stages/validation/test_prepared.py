@@ -176,3 +176,12 @@ def test_conditions_that_ask_for_the_same_look_facts_up_once() -> None:
     found = Prepared(Operator("go", (Parameter(X, "object"),), TRUE, changes)).fired(facts, [A])
     assert [str(each) for each, _, _ in found] == ["level(a, 3)", "level(a, 5)"]
     assert facts.asked == 1
+
+
+def test_what_is_asked_of_values_that_were_found_is_looked_up_for_each() -> None:
+    chain = And((Literal(Atom("level", (X, V))), Literal(Atom("level", (V, W)))))
+    effect = Effect(Atom("p", (W,)), True, (Parameter(V, "int"), Parameter(W, "int")), chain)
+    one, two, three, four = map(Number, (1, 2, 3, 4))
+    facts = Facts([Atom("level", each) for each in ((A, one), (A, two), (one, three), (two, four))])
+    found = Prepared(Operator("go", (Parameter(X, "object"),), TRUE, (effect,))).fired(facts, [A])
+    assert [str(each) for each, _, _ in found] == ["p(3)", "p(4)"]
