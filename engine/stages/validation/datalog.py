@@ -38,7 +38,7 @@ from kb.terms import (
     substitute_atom,
 )
 
-__all__ = ["Bindings", "bound", "holds", "solutions", "solve"]
+__all__ = ["Arranged", "Bindings", "arranged", "bound", "holds", "solutions", "solve"]
 
 
 def solve(
@@ -184,7 +184,7 @@ def bound(
 
 
 @dataclass(frozen=True, slots=True)
-class _Ordered:
+class Arranged:
     """The conditions of some parameters, in an order decided once, and the parameters whose types are left to be tested."""
 
     parameters: tuple[Parameter, ...]
@@ -193,11 +193,11 @@ class _Ordered:
     typed: tuple[Parameter, ...]
 
 
-_ORDERED: dict[tuple[int, int, frozenset[Variable]], _Ordered | None] = {}
+_ORDERED: dict[tuple[int, int, frozenset[Variable]], Arranged | None] = {}
 MOST = 1 << 12  # conditions in order that are kept
 
 
-def _ordered(parameters: tuple[Parameter, ...], part: Condition, bindings: Bindings) -> _Ordered | None:
+def _ordered(parameters: tuple[Parameter, ...], part: Condition, bindings: Bindings) -> Arranged | None:
     """A condition in order, if facts give parameters their values and nothing is left to be tested after; else None.
 
     It is found again by identity: conditions that differ in whether they are exact are equal.
@@ -209,23 +209,26 @@ def _ordered(parameters: tuple[Parameter, ...], part: Condition, bindings: Bindi
     if found is None or found.condition is not part or found.parameters is not parameters:
         if len(_ORDERED) >= MOST:
             _ORDERED.clear()
-        found = _ORDERED[key] = _in_order(parameters, part, bindings)
+        found = _ORDERED[key] = arranged(parameters, part, bindings)
     return found
 
 
-def _in_order(parameters: tuple[Parameter, ...], part: Condition, bindings: Bindings) -> _Ordered | None:
+def arranged(
+    parameters: tuple[Parameter, ...], part: Condition, bindings: Iterable[Variable]
+) -> Arranged | None:
+    """A condition in order once some variables have values; None if it is of another kind."""
     if isinstance(part, Literal):
-        return _Ordered(parameters, part, (part,), parameters) if part.positive else None
+        return Arranged(parameters, part, (part,), parameters) if part.positive else None
     body = tuple(each for each in goal_parts(part) if isinstance(each, Literal | Comparison))
     if len(body) < len(goal_parts(part)) or all(each.type not in UNLISTED for each in parameters):
         return None
     body = (*_typed(parameters), *body)
     if any(isinstance(each, Literal) and not each.positive for each in body):
         return None
-    return _Ordered(parameters, part, in_order(body, bindings), ())
+    return Arranged(parameters, part, in_order(body, bindings), ())
 
 
-def _solved(ordered: _Ordered, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
+def _solved(ordered: Arranged, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
     for found in solutions(ordered.body, facts, bindings):
         if all(p.variable not in found or facts.has_type(found[p.variable], p.type) for p in ordered.typed):
             yield found

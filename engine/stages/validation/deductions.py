@@ -38,6 +38,7 @@ class Deductions:
             self._triggers[each.trigger.atom.name, each.trigger.positive].append(each)
         self._statics, self._where = statics, where
         self._known: dict[tuple[Atom, bool], Following] = {}
+        self.none = not self._triggers
 
     def of(self, atom: Atom, positive: bool) -> Following:
         """What follows if an atom is added, or else ends, directly."""

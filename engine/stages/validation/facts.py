@@ -1,10 +1,12 @@
 """Sets of facts in layers, in which the checker looks atoms up by predicate and by argument."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Set
+import itertools
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 
 from kb.model.domain import NUMERIC_TYPES, OBJECT
 from kb.terms import Atom, Function, Number, Term, Text, is_ground
 
+Key = tuple[int, Term]  # the place of an argument, and what it is
 NONE: Mapping[Atom, None] = {}
 MANY = 16  # atoms of a predicate
 
@@ -20,7 +22,7 @@ class Facts:
         self._by_name: dict[str, dict[Atom, None]] = {}
         for atom in atoms:
             self._by_name.setdefault(atom.name, {})[atom] = None
-        self._indexes: dict[str, dict[tuple[int, Term], list[Atom]]] = {}
+        self._indexes: dict[str, dict[Key, list[Atom]]] = {}
 
     def _extent(self, name: str) -> Mapping[Atom, None]:
         """The atoms of a predicate in this layer."""
@@ -62,13 +64,14 @@ class Facts:
             if name in found._indexes:
                 found._indexes[name] = found._indexes[name].copy()
         for atom in ends:
-            if atom in found._by_name[atom.name]:
-                del found._by_name[atom.name][atom]
+            if found._by_name[atom.name].pop(atom, 0) is None and found._indexes:
                 found._reindex(atom, ())
         for atom in adds:
-            if atom not in found._by_name[atom.name]:
-                found._by_name[atom.name][atom] = None
-                found._reindex(atom, (atom,))
+            own = found._by_name[atom.name]
+            if atom not in own:
+                own[atom] = None
+                if found._indexes:
+                    found._reindex(atom, (atom,))
         return found
 
     def _reindex(self, atom: Atom, now: tuple[Atom, ...]) -> None:
@@ -97,23 +100,33 @@ class Facts:
 
     def matching(self, pattern: Atom) -> Iterator[Atom]:
         """The atoms of a pattern's predicate, of a large one only those that share a ground argument with the pattern."""
-        yield from (
-            self._sharing(pattern) if len(self._extent(pattern.name)) > MANY else self._extent(pattern.name)
+        extent = self._extent(pattern.name)
+        ground = (
+            [key for key in enumerate(pattern.arguments) if is_ground(key[1])] if len(extent) > MANY else []
         )
+        yield from self._sharing(pattern.name, extent, ground)
         if self.below is not None:
             yield from self.below.matching(pattern)
 
-    def _sharing(self, pattern: Atom) -> Iterable[Atom]:
-        extent = self._extent(pattern.name)
-        if pattern.name not in self._indexes:
-            index: dict[tuple[int, Term], list[Atom]] = {}
+    def having(self, name: str, arguments: Sequence[Key]) -> Iterable[Atom]:
+        """The same for a predicate and some arguments that are known, with their places."""
+        own = self._sharing(name, self._extent(name), arguments)
+        if self.below is None:
+            return own
+        under = self.below.having(name, arguments)
+        return itertools.chain(own, under) if under else own
+
+    def _sharing(self, name: str, extent: Mapping[Atom, None], arguments: Sequence[Key]) -> Collection[Atom]:
+        if len(extent) <= MANY or not arguments:
+            return extent
+        if name not in self._indexes:
+            index: dict[Key, list[Atom]] = {}
             for atom in extent:
                 for key in enumerate(atom.arguments):
                     index.setdefault(key, []).append(atom)
-            self._indexes[pattern.name] = index
-        own = self._indexes[pattern.name]
-        ground = (key for key in enumerate(pattern.arguments) if is_ground(key[1]))
-        return min((own.get(key, []) for key in ground), key=len, default=extent)
+            self._indexes[name] = index
+        own = self._indexes[name]
+        return min((own.get(key, []) for key in arguments), key=len)
 
     def has_type(self, term: Term, type_: str) -> bool:
         """Whether a term is a value of a type."""

@@ -3,13 +3,14 @@
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from engine.stages.validation.changes import Denial
+from engine.stages.validation.changes import Denial, StepChange
 from engine.stages.validation.datalog import Bindings
+from engine.stages.validation.facts import Facts
 from kb.arithmetic import evaluate
 from kb.model.amounts import Amounts
-from kb.model.conditions import TRUE, And, Condition, Literal
+from kb.model.conditions import TRUE
 from kb.model.domain import Kind, Operator
-from kb.terms import Atom, Term, is_ground, substitute, substitute_atom
+from kb.terms import Atom, Term, substitute
 
 Fired = tuple[Atom, bool, bool]
 """An atom that an effect names, whether it is added, and whether as an event it comes but once."""
@@ -29,18 +30,6 @@ class Effects(NamedTuple):
     added: tuple[Atom, ...]
     denials: tuple[Denial, ...]
     events: tuple[Atom, ...]
-
-
-def needed(condition: Condition, bindings: Bindings) -> tuple[Literal, ...] | None:
-    """A condition as ground literals, all of which must hold; None if it is something else."""
-    parts = condition.parts if isinstance(condition, And) else (condition,)
-    found = [
-        Literal(substitute_atom(part.atom, bindings), part.positive)
-        for part in parts
-        if isinstance(part, Literal)
-    ]
-    ground = len(found) == len(parts) and all(is_ground(each.atom) for each in found)
-    return tuple(found) if ground else None
 
 
 def unconditional(operator: Operator) -> bool:
@@ -65,5 +54,12 @@ def effects_of(fired: Iterable[Fired], kinds: Mapping[str, Kind]) -> Effects:
                 events.append(atom)
         else:
             (added if adds else explicit).append(atom)
-    denials = tuple(Denial(atom, deduced=False) for atom in explicit if atom not in added)
+    denials = tuple([Denial(atom, deduced=False) for atom in explicit if atom not in added])
     return Effects(tuple(added), denials, tuple(events))
+
+
+def as_named(made: Effects, state: Facts) -> StepChange:
+    """What effects change where nothing follows from them."""
+    adds = frozenset(made.added)
+    ends = frozenset([each.pattern for each in made.denials if each.pattern in state])
+    return StepChange(adds, ends, made.denials[::-1], events=made.events)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from engine.stages.validation.changes import Denial, State, StepChange
 from engine.stages.validation.datalog import Bindings, holds
 from engine.stages.validation.facts import Facts
-from engine.stages.validation.pairs import Touched, pairs
+from engine.stages.validation.pairs import Region, Touched, loose, pairs
 from engine.stages.validation.precedence import Precedence
 from engine.stages.validation.semantics import Semantics
 from kb.model.bindings import bind
@@ -82,6 +82,7 @@ class Mentioned(NamedTuple):
 
     by_effects: set[Atom]
     by_precondition: set[Atom]
+    regions: frozenset[Region]
 
 
 @dataclass
@@ -103,16 +104,35 @@ class Interference:
         """
         steps = list(self.executed.values())
         reads: dict[StepId, Reads] = {}
+        deduced = any(each.deductions for each in steps)
 
         def touched(place: int) -> Touched:
             one = steps[place]
             reads[one.step.id] = self._reads(one)
-            return Touched(*map(frozenset, (_changed(one), _exposed(one, reads[one.step.id]))))
+            return Touched(*map(frozenset, (_changed(one), _exposed(one, reads[one.step.id], deduced))))
 
-        for one, other in ((steps[place], steps[earlier]) for place, earlier in pairs(self.order, touched)):
+        places = loose(self.order, lambda place: self._regions(steps[place]))
+        for one, other in (map(steps.__getitem__, each) for each in pairs(self.order, places, touched)):
             problem = self._conflict(one, other, reads) or self._conflict(other, one, reads)
             if problem:
                 yield f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
+
+    def _regions(self, executed: Executed) -> set[Region]:
+        """The regions that a step may touch: what it holds and changes, and all that it may depend on.
+
+        Atoms end only where the step denies them.
+        """
+        found = set(self._mentioned(executed).regions)
+        found.update([_region(atom) for atom in executed.change.adds])
+        for denial in executed.change.denials:
+            found.add(
+                _region(denial.pattern) if denial.consequence is None else (denial.pattern.name, ANYTHING)
+            )
+        for link in self._links_to.get(executed.step.id, ()):
+            if not is_stage(link.condition):
+                found.add(_region(signed(link.condition)[0]))
+        found.update([("", each) for each in executed.step.resources])
+        return found
 
     def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
         """How `one` disturbs `other`; an empty text if it does not."""
@@ -159,7 +179,8 @@ class Interference:
             operator, bindings = executed.operator, executed.bindings
             conditions = [e.condition for e in operator.effects if e.condition != TRUE or e.parameters]
             effects = {each for condition in conditions for each in self.mentioned(condition, bindings)}
-            found = Mentioned(effects, set(self.mentioned(operator.precondition, bindings)))
+            needed = set(self.mentioned(operator.precondition, bindings))
+            found = Mentioned(effects, needed, frozenset(map(_region, effects | needed)))
             self._of_steps[executed.step.operator] = found
         return found
 
@@ -169,6 +190,8 @@ class Interference:
         Bounds on what is true are tried first. If they are too coarse and few atoms are open, every such
         state is tried.
         """
+        if condition == TRUE:
+            return True
         possible = self._possible.after(reads.false, frozenset()) if reads.false else self._possible
         lower, upper = self.semantics.bounds(reads.true, possible)
         if holds(condition, lower, bindings, upper):
@@ -222,14 +245,23 @@ def _changed(executed: Executed) -> Iterator[Key]:
     yield from executed.changed
 
 
-def _exposed(executed: Executed, reads: Reads) -> Iterator[Key]:
-    """Where others can disturb a step: each is among what they change, if they do."""
+def _exposed(executed: Executed, reads: Reads, deduced: bool) -> Iterator[Key]:
+    """Where others can disturb a step: each is among what they change, if they do. Whether any step denies by deduction is known."""
     yield from (("held", each) for each in executed.step.resources)
     for atom in (*reads.true, *executed.change.adds):
         yield "true", atom
-        yield "of", atom.name
+        if deduced:
+            yield "of", atom.name
     yield from (("false", each) for each in reads.false)
     yield from map(_key, reads.watched)
+
+
+def _region(pattern: Atom) -> Region:
+    """The region of an atom, or of all atoms that match a pattern."""
+    if not pattern.arguments:
+        return (pattern.name, None)
+    first = pattern.arguments[0]
+    return (pattern.name, first if is_ground(first) else ANYTHING)
 
 
 def _key(pattern: Atom) -> Key:
@@ -259,4 +291,4 @@ def is_stage(condition: Atom) -> bool:
 
     The workflow check handles such conditions by itself.
     """
-    return signed(condition)[0].name == "_stage"
+    return signed(condition)[0].name == "_stage" if condition.name == "not" else condition.name == "_stage"

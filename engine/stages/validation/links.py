@@ -55,19 +55,13 @@ class Links:
     def _broken(self, link: CausalLink) -> str:
         """Why a link does not hold in every order; nothing if it does."""
         atom, positive = signed(link.condition)
-        order = self.plan.order
         if self._unordered(link):
             return "the producer is not ordered before the consumer"
         if not self._produces(link.producer, atom, positive):
             return "the producer does not achieve it"
         for executed in self._meddling(link, atom, positive):
-            other = executed.step.id
-            early = link.producer != START and order.precedes(other, link.producer)
-            late = link.consumer != GOAL and order.precedes(link.consumer, other)
-            if early or late or other in (link.producer, link.consumer):
-                continue
             if self._destroys(executed, atom, positive):
-                return f"step {other} {executed.step.operator} can come between and end it"
+                return f"step {executed.step.id} {executed.step.operator} can come between and end it"
         return ""
 
     def _unordered(self, link: CausalLink) -> bool:
@@ -105,8 +99,23 @@ class Links:
         first, last = self.plan.order.between(link.producer, link.consumer)
         lists = (self._denying[0].get(atom, ()), self._denying[1].get(atom.name, ()))
         places = lists if positive else (self._adding.get(atom, ()),)
-        found = {p for each in places for p in each[bisect_left(each, first) : bisect_left(each, last)]}
-        return (self._executed[place] for place in sorted(found))
+        found = {
+            p for each in places if each for p in each[bisect_left(each, first) : bisect_left(each, last)]
+        }
+        ends = self._ends(link)
+        found.difference_update(ends)
+        return (self._executed[place] for place in sorted(found) if self._comes_between(place, *ends))
+
+    def _ends(self, link: CausalLink) -> tuple[int, int]:
+        """The places of a link's producer and consumer; the start is before all places, the goal after them."""
+        place = self.plan.order.place
+        last = len(place) if link.consumer == GOAL else place[link.consumer]
+        return -1 if link.producer == START else place[link.producer], last
+
+    def _comes_between(self, place: int, first: int, last: int) -> bool:
+        """Whether a step may come after the one at `first` and before the one at `last`. It waits only for steps at lower places."""
+        before = self.plan.order.before
+        return not (place < first and before(place, first)) and not (place > last and before(last, place))
 
     @cached_property
     def _executed(self) -> list[Executed]:
@@ -127,9 +136,11 @@ class Links:
         single: dict[Atom, list[int]] = {}
         any_of: dict[str, list[int]] = {}
         for place, executed in enumerate(self._executed):
-            for atom in executed.denied:
-                single.setdefault(atom, []).append(place)
-            for name in {each.pattern.name for each in executed.deductions}:
+            for pattern in {each.pattern for each in executed.change.denials if each.consequence is None}:
+                single.setdefault(pattern, []).append(place)
+            for name in {
+                each.pattern.name for each in executed.change.denials if each.consequence is not None
+            }:
                 any_of.setdefault(name, []).append(place)
         return single, any_of
 

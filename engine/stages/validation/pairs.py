@@ -8,9 +8,14 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import NamedTuple
 
 from engine.stages.validation.precedence import Precedence
+from kb.terms import ANYTHING, Term
 
 Known = dict[Hashable, tuple[int, int]]
 """The places of steps for each key: the first one, and from there on all as bits."""
+
+
+Region = tuple[str, Term | None]
+"""Atoms of a predicate that have the same first argument; all of its atoms for ANYTHING. Or, without a name, what can be held."""
 
 
 class Touched(NamedTuple):
@@ -20,14 +25,37 @@ class Touched(NamedTuple):
     exposed: frozenset[Hashable]
 
 
-def pairs(order: Precedence, touched: Callable[[int], Touched]) -> Iterator[tuple[int, int]]:
+def loose(order: Precedence, regions: Callable[[int], Iterable[Region]]) -> list[int]:
+    """The places of the steps of which another one, that is not ordered with it, touches the same region.
+
+    Steps of one region that come one after another are ordered with all others there. The regions of a step are asked for once.
+    """
+    last: dict[Region, int] = {}
+    parallel: set[Region] = set()
+    whole: set[str] = set()
+    steps = [(place, frozenset(regions(place))) for place in order.partners()]
+    for place, own in steps:
+        for region in own:
+            before = last.get(region)
+            if before is not None and not order.before(before, place):
+                parallel.add(region)
+            last[region] = place
+            if region[1] is ANYTHING:
+                whole.add(region[0])
+    parallel |= {each for each in last if each[0] in whole} if whole else set()
+    return [place for place, own in steps if not parallel.isdisjoint(own)]
+
+
+def pairs(
+    order: Precedence, places: Iterable[int], touched: Callable[[int], Touched]
+) -> Iterator[tuple[int, int]]:
     """The places of two unordered steps that could disturb each other: the later step, and the earlier one, in their order.
 
-    `touched` is asked for the steps alone that have an unordered one.
+    Steps at some places are looked at, in their order.
     """
     changing: Known = {}
     exposed: Known = {}
-    for place in order.partners():
+    for place in places:
         own = touched(place)
         first, free = order.free(place)
         if free:

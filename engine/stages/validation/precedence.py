@@ -44,7 +44,10 @@ class Precedence:
 
     def precedes(self, earlier: StepId, later: StepId) -> bool:
         """Whether one step comes before another one in every order."""
-        one, other = self.place[earlier], self.place[later]
+        return self.before(self.place[earlier], self.place[later])
+
+    def before(self, one: int, other: int) -> bool:
+        """The same for the steps at two places."""
         mark = self._below[other]
         return one < mark or bool(self._beyond[other] >> (one - mark) & 1)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from engine.stages.validation.changes import Denial, State, StepChange
-from engine.stages.validation.datalog import Bindings, bound, solve
+from engine.stages.validation.datalog import Bindings, solve
 from engine.stages.validation.deductions import Deductions, remembered
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.evaluated import Evaluated
@@ -19,18 +19,17 @@ from engine.stages.validation.facts import Deduced, Facts
 from engine.stages.validation.instances import (
     Demands,
     Effects,
-    Fired,
+    as_named,
     demands_of,
     effects_of,
-    needed,
-    unconditional,
 )
+from engine.stages.validation.prepared import Prepared
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import guard
 from kb.graphs import components, reached
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts
-from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter, literals
+from kb.model.conditions import Aggregate, Body, Condition, Literal, Parameter, literals
 from kb.model.domain import Kind, Operator, Rule
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term, substitute_atom
@@ -48,8 +47,8 @@ class Semantics:
     _start: State | None = None
     _bound: dict[Function, tuple[Operator, Bindings] | str] = field(default_factory=dict)
     _demands: dict[Function, Demands] = field(default_factory=dict)
-    _needs: dict[Function, tuple[Literal, ...] | None] = field(default_factory=dict)
     _changes: dict[Function, Effects] = field(default_factory=dict)
+    _operators: dict[str, Prepared] = field(default_factory=dict)
     _fluents: dict[str, frozenset[str]] = field(default_factory=dict)
 
     def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
@@ -113,6 +112,8 @@ class Semantics:
 
     def facts(self, state: Iterable[Atom] | Facts) -> Facts:
         """A state with its derived atoms, on top of the static facts."""
+        if not self._rules:
+            return self.layer(state)
 
         def complete(name: str) -> None:
             self._derivation.add(facts, facts.settle(self._behind(name)))
@@ -233,34 +234,34 @@ class Semantics:
             remembered(self._demands, step, demands_of(operator, bindings, self.amounts))
         return self._demands[step]
 
-    def needs(self, step: Function, operator: Operator, bindings: Bindings) -> tuple[Literal, ...] | None:
-        """The precondition of a step as ground literals; None if it is something else."""
-        if step not in self._needs:
-            remembered(self._needs, step, needed(operator.precondition, bindings))
-        return self._needs[step]
-
     def change(
         self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts
     ) -> StepChange:
         """What a step does in a state; `facts` is the state with its derived atoms."""
         made = self._effects(operator, bindings, facts)
+        if self._deductions.none:
+            return as_named(made, self.layer(state))
         return replace(self.deduce(made.added, made.denials, state), events=made.events)
 
     def _effects(self, operator: Operator, bindings: Bindings, facts: Facts) -> Effects:
-        key = Function(operator.name, tuple([bindings[each] for each in operator.variables]))
+        prepared, values = self._prepared(operator), [bindings[each] for each in operator.variables]
+        if not prepared.unconditional:
+            return effects_of(prepared.fired(facts, values), self._kinds)
+        key = Function(operator.name, tuple(values))
         made = self._changes.get(key)
         if made is None:
-            made = effects_of(self._fired(operator, bindings, facts), self._kinds)
-            if unconditional(operator):
-                remembered(self._changes, key, made)
+            made = remembered(self._changes, key, effects_of(prepared.fired(facts, values), self._kinds))
         return made
 
-    def _fired(self, operator: Operator, bindings: Bindings, facts: Facts) -> Iterator[Fired]:
-        for effect in operator.effects:
-            once = bool(effect.parameters) or effect.condition != TRUE
-            fires = bound(effect.parameters, effect.condition, facts, bindings) if once else (bindings,)
-            for found in fires:
-                yield substitute_atom(effect.atom, found), effect.adds, once
+    def unmet(self, operator: Operator, step: Function, facts: Facts) -> Condition | None:
+        """The first conjunct of the precondition of a step that does not hold; None if all hold."""
+        return self._prepared(operator).unmet(facts, step.arguments)
+
+    def _prepared(self, operator: Operator) -> Prepared:
+        found = self._operators.get(operator.name)
+        if found is None or found.operator is not operator:
+            found = self._operators[operator.name] = Prepared(operator)
+        return found
 
     def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> StepChange:
         """The least fixpoint of what is added and denied, starting from `added`.
