@@ -180,7 +180,12 @@ def main() -> int:
         show(given.show[0], int(given.show[1]), given.seed, given.state / "shown")
         return 0
     state = State(given.state, given.seed)
-    run(state, given.seed, given.minutes, given.only)
+    if not any(given.only in name for name in targets()):
+        asked.error(f"no target has '{given.only}' in its name: {', '.join(targets())}")
+    try:
+        run(state, given.seed, given.minutes, given.only)
+    except KeyboardInterrupt:
+        print("stopped: the next call with this seed goes on from here")
     print("\n".join(table(state)))
     return int(any(each.failures for each in state.tallies.values()))
 
