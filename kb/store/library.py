@@ -9,9 +9,9 @@ from kb.diagnostics import InvalidInput
 from kb.model.macro import Macrop
 from kb.store.counts import add_trials, add_uses, holdings, trials_of
 from kb.store.documents import dumps, loads
-from kb.store.engines import OutOfReach, is_writable, refusal, transaction
+from kb.store.engines import is_writable, refusal, transaction
 from kb.store.notation import NotationError, Requirement
-from kb.store.opening import Database, empty, reading
+from kb.store.opening import Database, otherwise
 from kb.store.outlines import Outline, SharedTexts, chunks, words_of
 from kb.store.records import Figures, Record, Stored, Use
 from kb.store.schema import depends_text, fingerprint, macrops, outlines, usage, version_of
@@ -40,18 +40,9 @@ class Library(Database):
         except InvalidInput as error:
             if not self.beside:
                 raise
-            engine = self._otherwise(error)
+            engine = otherwise(self.target, error)
             self._lose(error)
             return engine
-
-    def _otherwise(self, error: InvalidInput) -> Engine:
-        """The library that cannot be opened for writing, for reading; or an empty one. Raises the error if it is a mistake."""
-        try:
-            return reading(self.target)
-        except InvalidInput:
-            if isinstance(error, OutOfReach):
-                return empty()
-            raise error from None
 
     def _lose(self, error: InvalidInput) -> None:
         if not self.beside:

@@ -10,9 +10,11 @@ from typing import Any, Self
 from sqlalchemy import Engine, event
 from sqlalchemy.exc import SQLAlchemyError
 
+from kb.diagnostics import InvalidInput
 from kb.files import is_file
 from kb.store.engines import (
     MIGRATION,
+    OutOfReach,
     connected,
     is_writable,
     lock,
@@ -52,8 +54,14 @@ def reading(target: str) -> Engine:
     return engine
 
 
-def empty() -> Engine:
-    """The engine of an empty library in memory, which is gone when it is closed."""
+def otherwise(target: str, error: InvalidInput) -> Engine:
+    """The engine of a library that cannot be opened for writing: for reading, else of an empty one in memory, which is gone when
+    it is closed. Raises the error if it tells a mistake in the name."""
+    try:
+        return reading(target)
+    except InvalidInput:
+        if not isinstance(error, OutOfReach):
+            raise error from None
     engine = connected(":memory:")
     _prepared(engine, ":memory:")
     return engine
