@@ -50,7 +50,7 @@ __all__ = [
 
 COMPILERS = ("system", "zig")
 # What Cython adds to every module that takes arrays: compiled once, in a module of its own, it takes a third of the time.
-SHARED = "engine.kernels.shared"
+SHARED = "cellwright.engine.kernels.shared"
 POSIX = os.name == "posix"
 # The same figures on every processor: no multiplication and addition in one rounding, no instruction that only some have.
 # A sum that is too large wraps around, as NumPy's do. Nothing reads `errno` after a square root.
@@ -97,7 +97,7 @@ def kernels() -> list[Extension]:
     """The modules to compile; none without a compiler. One that fails is left out, unless the compiler is named."""
     if compiler() == "none":
         return []
-    found = sorted(Path("engine").rglob("*.pxd"))
+    found = sorted(Path("cellwright", "engine").rglob("*.pxd"))
     return [_extension(SHARED, [], []), *(_kernel(types) for types in found)]
 
 
@@ -177,7 +177,9 @@ def cache() -> Path | None:
 
 def _kept(folder: Path, extensions: list[Extension]) -> dict[str, Path]:
     """Where each module is kept: under a hash of its source, of all types, of this build and of what compiles it."""
-    types = sorted(file for ending in ("pxd", "h") for file in Path("engine").rglob(f"*.{ending}"))
+    types = sorted(
+        file for ending in ("pxd", "h") for file in Path("cellwright", "engine").rglob(f"*.{ending}")
+    )
     common = hashlib.sha256(repr(_tools()).encode())
     for each in [Path(__file__), *types]:
         common.update(repr((each.name, each.read_bytes())).encode())

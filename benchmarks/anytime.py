@@ -19,10 +19,10 @@ from planning import Instance, folder_of, ours, output, tasks
 from rich.console import Console
 from rich.table import Table
 
-from engine.formats.interop.pddl import read_pddl
-from engine.formats.interop.pddl.plans import read_plan
-from engine.pipelines import planning
-from kb.diagnostics import InvalidInput
+from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.formats.interop.pddl.plans import read_plan
+from cellwright.engine.pipelines import planning
+from cellwright.kb.diagnostics import InvalidInput
 
 END = 5  # seconds that a command may take beyond its time
 

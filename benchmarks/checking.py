@@ -72,9 +72,9 @@ def _of_children() -> float:
 
 def report(kept: Path, words: list[str]) -> None:
     """Run a command in this process, and write what its checks took, after each: a command ends the process by itself."""
-    from engine.faces.cli import main as command
-    from engine.pipelines.gate import PlanGate
-    from kb.model.plan import Plan
+    from cellwright.engine.faces.cli import main as command
+    from cellwright.engine.pipelines.gate import PlanGate
+    from cellwright.kb.model.plan import Plan
 
     taken = 0.0
     plain = PlanGate.findings

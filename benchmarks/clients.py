@@ -4,7 +4,7 @@
         [--first] [--json FILE]
 
 Each client is a process with connections of its own. It looks up as `cellwright.plan` does in a program that plans again and again: the
-library stays open and is read ahead (`engine.pipelines.reuse.standing`), and Python looks for cycles of references when it wants to. After
+library stays open and is read ahead (`cellwright.engine.pipelines.reuse.standing`), and Python looks for cycles of references when it wants to. After
 `--warm` days it has in memory what a cell has that has run for a while. When all have done so, they begin, and go on for `--seconds`. Every
 `--every` seconds on average a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use,
 counts a trial in a row that all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it,
@@ -40,16 +40,16 @@ from macros import Bench, lessons
 from points import Day, again, different_days
 from postgres import Server, server
 
-from engine.model.outcome import Found
-from engine.pipelines.reuse.standing import standing
-from engine.stages.macros.lookup.repertoire import record_of
-from engine.stages.planning import Limits
-from kb.model.problem import Problem
-from kb.store import Library, loads
-from kb.store.cases import Cases, ClosedCase
-from kb.store.checking import checked
-from kb.store.sequences import PlannedVisit, SequencePlan, Sequences
-from kb.terms import Function
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.reuse.standing import standing
+from cellwright.engine.stages.macros.lookup.repertoire import record_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library, loads
+from cellwright.kb.store.cases import Cases, ClosedCase
+from cellwright.kb.store.checking import checked
+from cellwright.kb.store.sequences import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.terms import Function
 
 BAR_S, SEED, LEARNS = 0.020, 1, 10
 WAIT_S = 600.0  # for the last client to begin

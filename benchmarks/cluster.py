@@ -38,7 +38,7 @@ from store_content import knowledge
 ROOT = Path(__file__).parents[1]
 BAR = 1.8
 PR_SET_CHILD_SUBREAPER = 36
-COMMAND = "from engine.faces.cli import main; main()"
+COMMAND = "from cellwright.engine.faces.cli import main; main()"
 
 
 def problems(folder: Path, count: int, name: str) -> Path:

@@ -17,10 +17,10 @@ from clusters import Cluster
 from postgres import Server, emptied
 from store_content import knowledge, rows
 
-from engine.pipelines.preparation import prepare
-from engine.pipelines.units import Crew, crew_of
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
+from cellwright.engine.pipelines.preparation import prepare
+from cellwright.engine.pipelines.units import Crew, crew_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
 
 VICTIMS = ("worker", "scheduler", "client", "database")
 CALLS = 8  # that may be needed at most until all is done

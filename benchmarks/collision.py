@@ -26,13 +26,13 @@ from rich.console import Console
 from rich.table import Table
 from ur5_cells import KINDS, Task, tasks
 
-from engine.model.geometry import Floats, Scene
-from engine.ports import CollisionChecker, GeometryBackend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinBackend
-from engine.stages.geometry.collision.reference import signed_distance
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.model.geometry import Floats, Scene
+from cellwright.engine.ports import CollisionChecker, GeometryBackend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
+from cellwright.engine.stages.geometry.collision.reference import signed_distance
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.world.scenes import scene_of
 
 TOUCHING_M = 1e-6
 BAR = 3.0
@@ -44,13 +44,13 @@ def backends() -> dict[str, GeometryBackend]:
     """Ours first, then the peers that are installed."""
     found: dict[str, GeometryBackend] = {"builtin": BuiltinBackend()}
     try:
-        from engine.stages.geometry.collision.mujoco_backend import MujocoBackend
+        from cellwright.engine.stages.geometry.collision.mujoco_backend import MujocoBackend
 
         found |= {"mujoco": MujocoBackend(), "mujoco, own boxes": MujocoBackend(native_blocks=True)}
     except ImportError:
         pass
     try:
-        from engine.stages.geometry.collision.coal_backend import CoalBackend
+        from cellwright.engine.stages.geometry.collision.coal_backend import CoalBackend
 
         found["coal"] = CoalBackend()
     except ImportError:

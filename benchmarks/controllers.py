@@ -6,10 +6,10 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from engine.pipelines.controllers.link import Place
-from engine.pipelines.controllers.serving import Cell, Conversation
-from engine.ports import DriverSetup
-from kb.model.problem import Problem
+from cellwright.engine.pipelines.controllers.link import Place
+from cellwright.engine.pipelines.controllers.serving import Cell, Conversation
+from cellwright.engine.ports import DriverSetup
+from cellwright.kb.model.problem import Problem
 
 Lines = list[bytes]
 Manners = Callable[[int, Lines], Lines | None]  # what is sent instead of some lines; None hangs up

@@ -24,20 +24,20 @@ from rich.console import Console
 from rich.table import Table
 from troubles import isolation, uncertain, with_setup
 
-from engine.model.cases import Hypothesis
-from engine.model.circuit import Circuit
-from engine.model.troubleshooting import Action, Advice, Troubleshooting, expected_cost
-from engine.stages.diagnosis.bench import read_bench
-from engine.stages.diagnosis.circuits import diagnose, program
-from engine.stages.diagnosis.knowledge import open_case
-from engine.stages.diagnosis.selection import Selector
-from engine.stages.diagnosis.session import QUESTION, Session, run
-from engine.stages.diagnosis.trees import cost_under
-from engine.stages.diagnosis.world import HiddenWorld, draw_cause
-from kb.asp.optimum import best_models
-from kb.loader import bundled
-from kb.loader.faults import load_faults
-from kb.model.faults import FaultModel
+from cellwright.engine.model.cases import Hypothesis
+from cellwright.engine.model.circuit import Circuit
+from cellwright.engine.model.troubleshooting import Action, Advice, Troubleshooting, expected_cost
+from cellwright.engine.stages.diagnosis.bench import read_bench
+from cellwright.engine.stages.diagnosis.circuits import diagnose, program
+from cellwright.engine.stages.diagnosis.knowledge import open_case
+from cellwright.engine.stages.diagnosis.selection import Selector
+from cellwright.engine.stages.diagnosis.session import QUESTION, Session, run
+from cellwright.engine.stages.diagnosis.trees import cost_under
+from cellwright.engine.stages.diagnosis.world import HiddenWorld, draw_cause
+from cellwright.kb.asp.optimum import best_models
+from cellwright.kb.loader import bundled
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.faults import FaultModel
 
 Row = dict[str, Any]
 PLENTY = 10_000_000

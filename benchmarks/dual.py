@@ -23,25 +23,25 @@ from typing import Any
 import numpy as np
 import yaml
 
-from domains.bulkhead.points import points
-from engine.model.moves import MovedStep
-from engine.model.outcome import Found
-from engine.model.schedule import Timetable
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.meetings import Encounters
-from engine.pipelines.moves.passing import Shared, kept_apart, moments_of
-from engine.pipelines.moves.planning import Moving, plan_moving
-from engine.pipelines.moves.rehearsal import NOTHING, Rehearsal, delayed
-from engine.pipelines.moves.walking import Walk
-from engine.pipelines.objective import Order, plan
-from engine.pipelines.planning import problem_of
-from engine.pipelines.timetable import timetable
-from engine.plugins import geometry_backend
-from engine.stages.geometry import transforms
-from engine.stages.planning import Limits
-from kb.loader.cell import cell_of
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Function
+from cellwright.domains.bulkhead.points import points
+from cellwright.engine.model.moves import MovedStep
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.meetings import Encounters
+from cellwright.engine.pipelines.moves.passing import Shared, kept_apart, moments_of
+from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
+from cellwright.engine.pipelines.moves.rehearsal import NOTHING, Rehearsal, delayed
+from cellwright.engine.pipelines.moves.walking import Walk
+from cellwright.engine.pipelines.objective import Order, plan
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.timetable import timetable
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Function
 
 HALF_M = 1.4  # of the width of what is measured
 STRIP_M = 0.28  # of it, on either side of the middle, is reached by both arms: a fifth in all
@@ -320,10 +320,10 @@ def delays(runs: int) -> dict[str, Any]:
 
 def physics() -> dict[str, Any]:
     """How far parts are from where the facts put them, and how far they are turned: after each step, in the hand, too."""
-    from engine.pipelines.moves.states import states_of
-    from engine.pipelines.witness.stage import SETTLE_S, Stage
-    from engine.stages.geometry.world.following import following
-    from engine.stages.geometry.world.model import World
+    from cellwright.engine.pipelines.moves.states import states_of
+    from cellwright.engine.pipelines.witness.stage import SETTLE_S, Stage
+    from cellwright.engine.stages.geometry.world.following import following
+    from cellwright.engine.stages.geometry.world.model import World
 
     off, tilt, touched, ends = 0.0, 0.0, [], {}
     for name, part in (("over", "rod_1"), ("carried", "beam")):

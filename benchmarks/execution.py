@@ -21,24 +21,24 @@ import time
 from pathlib import Path
 from typing import Any
 
-from engine.model.execution import Record, RecordKind
-from engine.pipelines.execution import Execution, Timed
-from engine.pipelines.execution.begin import Ledger, Wanted, document
-from engine.pipelines.execution.checkpoints import past_of
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import ready
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.resuming import Past
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.settling import taken_up
-from engine.pipelines.simulation import SymbolicWorld
-from engine.pipelines.simulator import HiddenCell, Simulator
-from engine.pipelines.simulator.settings import Settings
-from kb.loader import load
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.store.journal import Journal, Line
-from kb.terms import Function
+from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.pipelines.execution import Execution, Timed
+from cellwright.engine.pipelines.execution.begin import Ledger, Wanted, document
+from cellwright.engine.pipelines.execution.checkpoints import past_of
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.planned import ready
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.execution.resuming import Past
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.execution.settling import taken_up
+from cellwright.engine.pipelines.simulation import SymbolicWorld
+from cellwright.engine.pipelines.simulator import HiddenCell, Simulator
+from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.kb.loader import load
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.terms import Function
 
 LAMPS = 4
 GROUPED, SINGLE, GROWTH, RESUME_S = 2_000, 200, 1.1, 5.0

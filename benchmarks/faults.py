@@ -23,22 +23,22 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from engine.kernels.cancellation import Interrupted, never
-from engine.model.execution import Finish, Record, RecordKind
-from engine.pipelines.execution import Execution, Timed
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import Ready, first
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import read_atom
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import Dynamics, SymbolicWorld, WorldState
-from engine.pipelines.simulator import HiddenCell, Injection, Simulator, possible
-from engine.pipelines.simulator.driver import fault_base
-from engine.pipelines.simulator.settings import Settings
-from engine.pipelines.units import Kind, Unit, carried_out, crew_of
-from kb.model.faults import FaultModel
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.model.execution import Finish, Record, RecordKind
+from cellwright.engine.pipelines.execution import Execution, Timed
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulation import Dynamics, SymbolicWorld, WorldState
+from cellwright.engine.pipelines.simulator import HiddenCell, Injection, Simulator, possible
+from cellwright.engine.pipelines.simulator.driver import fault_base
+from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.engine.pipelines.units import Kind, Unit, carried_out, crew_of
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 TARGETS = ("themse/one", "bulkhead/twelve_points")
 

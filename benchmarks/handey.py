@@ -26,21 +26,21 @@ from handey_physics import pegs_by_arm, place_whole, three_fingers
 from handey_scenes import trial
 from rich.console import Console
 
-from engine.kernels.rigid import apply, difference, turned
-from engine.model.assembly import Assembled, Feature, FeatureKind, Relation, RelationKind
-from engine.model.grasping import Regrasps
-from engine.model.vision import Located
-from engine.pipelines.placing.goals import goal_of
-from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.watching import watched
-from engine.pipelines.placing.ways import most_vertical, possible
-from engine.stages.assembly.relations import assemble
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.insertion import Insertion, Phase, Search
-from engine.stages.grasping.regrasps import regrasps
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.localisation import locate
+from cellwright.engine.kernels.rigid import apply, difference, turned
+from cellwright.engine.model.assembly import Assembled, Feature, FeatureKind, Relation, RelationKind
+from cellwright.engine.model.grasping import Regrasps
+from cellwright.engine.model.vision import Located
+from cellwright.engine.pipelines.placing.goals import goal_of
+from cellwright.engine.pipelines.placing.looking import look
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.watching import watched
+from cellwright.engine.pipelines.placing.ways import most_vertical, possible
+from cellwright.engine.stages.assembly.relations import assemble
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.insertion import Insertion, Phase, Search
+from cellwright.engine.stages.grasping.regrasps import regrasps
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.localisation import locate
 
 Figures = dict[str, Any]
 
@@ -180,7 +180,7 @@ def monitoring(number: int, first: int) -> Figures:
 
 def pegs(number: int, first: int) -> Figures:
     """Pegs up to 1.5 mm beside holes that are 0.2 mm wider, with a search and without. Needs the extra `mujoco`."""
-    from engine.pipelines.placing.inserting import Peg, tried
+    from cellwright.engine.pipelines.placing.inserting import Peg, tried
 
     peg, counts, forces = Peg(), Counter[str](), []
     times: dict[str, list[float]] = {Search.SPIRAL.value: [], Search.TILT.value: []}

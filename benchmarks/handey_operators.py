@@ -4,23 +4,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.rigid import apply, rotation, transform
-from engine.pipelines.placing.answers import Placed
-from engine.pipelines.placing.holding import Reach, with_hand
-from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.placing import place
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.watching import Act, Event, Jaws, Shifted, Watched
-from engine.pipelines.placing.ways import possible
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.placements import placements, volume_and_centre
-from kb.loader.scene import load_scene
-from kb.model.cell import Placement
-from kb.model.scene import Scene
-from kb.targets import BUNDLED
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, rotation, transform
+from cellwright.engine.pipelines.placing.answers import Placed
+from cellwright.engine.pipelines.placing.holding import Reach, with_hand
+from cellwright.engine.pipelines.placing.looking import look
+from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.watching import Act, Event, Jaws, Shifted, Watched
+from cellwright.engine.pipelines.placing.ways import possible
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.placements import placements, volume_and_centre
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.cell import Placement
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.targets import BUNDLED
 
 SCENE = load_scene(BUNDLED / "handey" / "scenes" / "turning.yaml")
 WHEEL = solid_of(SCENE.cell.bodies["wheel"])

@@ -15,25 +15,25 @@ import numpy as np
 from handey_physics import drawn_scene
 from handey_scenes import Trial, trial
 
-from engine.kernels.arrays import Floats
-from engine.kernels.rigid import difference, rotation, transform
-from engine.model.assembly import Assembled
-from engine.model.grasping import Grasp
-from engine.model.solid import Solid
-from engine.model.vision import Located
-from engine.pipelines.placing.goals import goal_of
-from engine.pipelines.placing.holding import TURNS, Holds, holds_of, jaws_of
-from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.task import Task
-from engine.pipelines.placing.ways import possible
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.blocks import meet
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.localisation import locate
-from kb.loader.scene import load_scene
-from kb.model.scene import Scene
-from kb.targets import BUNDLED
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import difference, rotation, transform
+from cellwright.engine.model.assembly import Assembled
+from cellwright.engine.model.grasping import Grasp
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.model.vision import Located
+from cellwright.engine.pipelines.placing.goals import goal_of
+from cellwright.engine.pipelines.placing.holding import TURNS, Holds, holds_of, jaws_of
+from cellwright.engine.pipelines.placing.looking import look
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.pipelines.placing.ways import possible
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.blocks import meet
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.localisation import locate
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.targets import BUNDLED
 
 Figures = dict[str, Any]
 VOXEL_M, STRIDE = 0.003, 2

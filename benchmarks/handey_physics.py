@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from handey_scenes import separate
 
-from engine.kernels.arrays import Floats
-from engine.kernels.rigid import apply, difference, rotation, transform
-from engine.pipelines.placing.answers import Placed
-from engine.pipelines.placing.placing import place
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.insertion import Search
-from engine.stages.grasping.placements import placements, volume_and_centre
-from kb.loader.scene import load_scene
-from kb.model.cell import Placement
-from kb.model.scene import Scene
-from kb.targets import BUNDLED
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, difference, rotation, transform
+from cellwright.engine.pipelines.placing.answers import Placed
+from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.insertion import Search
+from cellwright.engine.stages.grasping.placements import placements, volume_and_centre
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.cell import Placement
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.targets import BUNDLED
 
 Figures = dict[str, Any]
 NEAR_M = 0.003
@@ -104,8 +104,8 @@ def _lowered(T: Floats, points: Floats) -> Floats:
 
 def _executed(scene: Scene, part: str, found: Placed) -> tuple[str, float]:
     """How physics carries out a plan (`done`: within 3 mm, and nothing else was touched), and how far the part then is from its goal."""
-    from engine.pipelines.workshop.running import carried
-    from engine.pipelines.workshop.shop import Workshop
+    from cellwright.engine.pipelines.workshop.running import carried
+    from cellwright.engine.pipelines.workshop.shop import Workshop
 
     done = carried(scene, part, found, Workshop(scene))
     if done.status != "reached":
@@ -151,8 +151,8 @@ class _Held:
     """A peg in the hand, above where its hole is believed."""
 
     def __init__(self, kind: str) -> None:
-        from engine.pipelines.workshop.carrying import Went, take_up
-        from engine.pipelines.workshop.shop import Workshop
+        from cellwright.engine.pipelines.workshop.carrying import Went, take_up
+        from cellwright.engine.pipelines.workshop.shop import Workshop
 
         scene = load_scene(BUNDLED / "handey" / "scenes" / PEGS[kind])
         scene = replace(scene, hand=replace(scene.hand, accuracy_m=MOST_M / 3))
@@ -167,8 +167,8 @@ class _Held:
         """How a peg ends whose hole is beside where it is believed: `in`, or how it went; and after how many seconds."""
         import mujoco
 
-        from engine.pipelines.workshop.carrying import put_down
-        from engine.pipelines.workshop.shop import Workshop
+        from cellwright.engine.pipelines.workshop.carrying import put_down
+        from cellwright.engine.pipelines.workshop.shop import Workshop
 
         plan, moved = self.carry.insertion, World.of(self.scene.cell).pose("world", "block").copy()
         assert plan is not None

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from engine.kernels.arrays import Floats
-from engine.kernels.rigid import apply, rotation, transform, translation
-from engine.model.solid import Solid
-from engine.model.vision import Camera, DepthImage
-from engine.stages.geometry.shapes.solids import solid, triangulated
-from engine.stages.vision.images import Sensor, disturbed, rendered
-from engine.stages.vision.localisation import Ground
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, rotation, transform, translation
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.model.vision import Camera, DepthImage
+from cellwright.engine.stages.geometry.shapes.solids import solid, triangulated
+from cellwright.engine.stages.vision.images import Sensor, disturbed, rendered
+from cellwright.engine.stages.vision.localisation import Ground
 
 CAMERA = Camera.viewing(640, 480, 0.6, 1.0)  # 1 m above the table
 T_CAMERA_WORLD = transform(np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 1.0))

@@ -30,10 +30,10 @@ from benchmarks.inspection_job import carried_out
 from benchmarks.inspection_job import missed as jobs_missed
 from benchmarks.inspection_patches import patches as rendered
 from benchmarks.inspection_patches import summary
-from engine.kernels.rigid import apply, transform, turned
-from engine.model.fits import Cloud, Fit, Shape
-from engine.model.geometry import Floats
-from engine.stages.fitting.surfaces import fitted
+from cellwright.engine.kernels.rigid import apply, transform, turned
+from cellwright.engine.model.fits import Cloud, Fit, Shape
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.fitting.surfaces import fitted
 
 NOISE_M, WRONG, STAND_OFF_M, SIDE, HALF_M = 5e-5, 0.1, 0.15, 20, 0.008
 STEPS = 200  # along a beam

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.inspection_patches import summary
-from engine.kernels.rigid import apply, difference, transform, turned
-from engine.model.fits import Alignment, Datums
-from engine.model.geometry import Floats
-from engine.stages.fitting.alignment import aligned, sure_enough
-from engine.stages.fitting.looks import further_looks
+from cellwright.engine.kernels.rigid import apply, difference, transform, turned
+from cellwright.engine.model.fits import Alignment, Datums
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.fitting.alignment import aligned, sure_enough
+from cellwright.engine.stages.fitting.looks import further_looks
 
 DATUM_NOISE_M, DATUMS, SPOILT = 1e-4, 20, 2
 WITHIN_M, WITHIN_DEG = 5e-5, 0.02

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kb.loader import bundled, load
+from cellwright.kb.loader import bundled, load
 
 SIGMA = {"us_probe": 8.0, "slra": 50.0}  # micrometres
 THICK_UM, ZONES = 6350, {"thickness": 200, "profile": 1000}
@@ -111,7 +111,10 @@ def _datums(chance: random.Random, truth: dict[str, Any]) -> list[str]:
 def cellwright(*words: str) -> subprocess.CompletedProcess[str]:
     """A command of the command line, in a process of its own."""
     return subprocess.run(
-        [sys.executable, "-m", "engine.faces.cli", *words], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "cellwright.engine.faces.cli", *words],
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
@@ -183,7 +186,7 @@ def qif_valid(store: Path, folder: Path, xsd: Path) -> str:
     """Whether the results as QIF are valid by the schema, and read back equal to those as JSON."""
     import xmlschema
 
-    from engine.formats.interop.results import ResultForm, read
+    from cellwright.engine.formats.interop.results import ResultForm, read
 
     for form in ("qif", "json"):
         cellwright("results", "job", "--store", str(store), "-o", str(folder / f"job.{form}"))

@@ -18,15 +18,15 @@ import numpy as np
 
 from benchmarks.inspection_peers import Beside, Truth, beside, told
 from benchmarks.inspection_shapes import ball, holed, plate, turning
-from engine.kernels.rigid import apply, inverse, transform, translation, turned
-from engine.model.fits import Fit, Shape
-from engine.model.geometry import Floats
-from engine.model.ranging import RangeImage, Window
-from engine.model.solid import Solid
-from engine.pipelines.dimensions import Asked, dimensions
-from engine.stages.fitting.between import between
-from engine.stages.vision.ranging import expected, resolved, scanned
-from kb.model.ranging import Ranging
+from cellwright.engine.kernels.rigid import apply, inverse, transform, translation, turned
+from cellwright.engine.model.fits import Fit, Shape
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.ranging import RangeImage, Window
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.pipelines.dimensions import Asked, dimensions
+from cellwright.engine.stages.fitting.between import between
+from cellwright.engine.stages.vision.ranging import expected, resolved, scanned
+from cellwright.kb.model.ranging import Ranging
 
 SIDE, AWAY_M, MISPLACED_M = 48, 0.15, 0.001
 TOOL = Ranging("laser", SIDE, SIDE, math.radians(7.3), 0.3, 5e-5, AWAY_M, 0.0027, 0.00027, dropouts=0.005)

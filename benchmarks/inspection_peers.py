@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from engine.kernels.rigid import apply, inverse
-from engine.model.fits import Fit, Shape
-from engine.model.geometry import Floats
-from engine.model.ranging import RangeImage
-from engine.pipelines.dimensions import Asked, Dimensions
-from engine.stages.vision.patches import cloud_of
-from engine.stages.vision.rims import rim_of
+from cellwright.engine.kernels.rigid import apply, inverse
+from cellwright.engine.model.fits import Fit, Shape
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.ranging import RangeImage
+from cellwright.engine.pipelines.dimensions import Asked, Dimensions
+from cellwright.engine.stages.vision.patches import cloud_of
+from cellwright.engine.stages.vision.rims import rim_of
 
 AGREES, TRIALS = 3.5, 300
 NAMES = {"open3d": "Open3D", "skimage": "scikit-image"}

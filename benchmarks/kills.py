@@ -23,15 +23,15 @@ from pathlib import Path
 
 from mishaps import Setting
 
-from engine.model.execution import Command, Record
-from engine.pipelines.controllers.serving import serve
-from engine.pipelines.execution import Timed, Wanted, named, resume
-from engine.pipelines.execution.begin import Ledger
-from engine.pipelines.execution.planned import Ready, first
-from engine.pipelines.planning import problem_of
-from engine.plugins import driver
-from engine.ports import DriverSetup
-from kb.store.journal import Journal
+from cellwright.engine.model.execution import Command, Record
+from cellwright.engine.pipelines.controllers.serving import serve
+from cellwright.engine.pipelines.execution import Timed, Wanted, named, resume
+from cellwright.engine.pipelines.execution.begin import Ledger
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.plugins import driver
+from cellwright.engine.ports import DriverSetup
+from cellwright.kb.store.journal import Journal
 
 WHEN = ("before", "written", "sent")
 

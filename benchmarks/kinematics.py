@@ -21,10 +21,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from engine.model.geometry import Floats
-from engine.stages.geometry.kinematics.arms import ArmModel, wrapped
-from engine.stages.geometry.kinematics.inverse import InverseKinematics
-from kb.loader.arm import bundled_arms, load_arm
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, wrapped
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.kb.loader.arm import bundled_arms, load_arm
 
 ONE_AT_A_TIME = 2000
 RESIDUAL_BAR, NEAR = 1e-9, 1e-6

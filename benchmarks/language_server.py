@@ -26,7 +26,7 @@ from typing import Any
 from large_domain import written
 
 TOP = Path(__file__).parents[1]
-COMMAND = [sys.executable, "-c", "from engine.faces.cli import main; main()", "lsp"]
+COMMAND = [sys.executable, "-c", "from cellwright.engine.faces.cli import main; main()", "lsp"]
 PIECES = [
     "at(",
     "Item",

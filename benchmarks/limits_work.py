@@ -34,7 +34,7 @@ COUNTERS = """(define (domain counters) (:requirements :typing :numeric-fluents)
   (:action up :parameters (?c - counter) :precondition (<= (+ (value ?c) 1) (most)) :effect (increase (value ?c) 1))
   (:action down :parameters (?c - counter) :precondition (>= (value ?c) 1) :effect (decrease (value ?c) 1)))
 """
-COMMAND = [sys.executable, "-m", "engine.faces.cli"]
+COMMAND = [sys.executable, "-m", "cellwright.engine.faces.cli"]
 RECORDS = 12  # behind which a run is killed
 
 
@@ -151,7 +151,7 @@ def _large() -> str:
 
 
 def _exception() -> str:
-    from kb.loader.faults import load_faults
+    from cellwright.kb.loader.faults import load_faults
 
     model = load_faults(Path(__file__).parents[1] / "domains" / "themse" / "domain.yaml")[0]
     assert model is not None

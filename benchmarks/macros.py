@@ -29,20 +29,20 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.reuse import Practice
-from engine.stages.macros.learning.generalise import generalise
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.macros.lookup.lookup import Hit
-from engine.stages.macros.lookup.query import query
-from engine.stages.macros.lookup.repertoire import Repertoire, record_of
-from engine.stages.validation import validate
-from kb.model.conditions import And, Literal
-from kb.model.problem import Problem
-from kb.store import Library, loads
-from kb.store import dumps as written
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.reuse import Practice
+from cellwright.engine.stages.macros.learning.generalise import generalise
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.macros.lookup.lookup import Hit
+from cellwright.engine.stages.macros.lookup.query import query
+from cellwright.engine.stages.macros.lookup.repertoire import Repertoire, record_of
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library, loads
+from cellwright.kb.store import dumps as written
 
 SMALL, SEED, BATCH = 14, 1, 200
 console = Console()

@@ -26,21 +26,21 @@ from pathlib import Path
 
 from controllers import Manners, Server, ahead, at_reply, later
 
-from engine.model.execution import Finish, Record, RecordKind
-from engine.pipelines.controllers import ControllerDriver
-from engine.pipelines.controllers.link import Patience
-from engine.pipelines.execution import Execution, Timed, Wanted, named, resume
-from engine.pipelines.execution.begin import Ledger, document
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import Ready, first
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import SymbolicWorld
-from engine.pipelines.simulator import fault_base, simulator
-from engine.ports import Driver, DriverSetup
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
-from kb.store.journal import Journal
+from cellwright.engine.model.execution import Finish, Record, RecordKind
+from cellwright.engine.pipelines.controllers import ControllerDriver
+from cellwright.engine.pipelines.controllers.link import Patience
+from cellwright.engine.pipelines.execution import Execution, Timed, Wanted, named, resume
+from cellwright.engine.pipelines.execution.begin import Ledger, document
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulation import SymbolicWorld
+from cellwright.engine.pipelines.simulator import fault_base, simulator
+from cellwright.engine.ports import Driver, DriverSetup
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.journal import Journal
 
 HURRY = Patience(5, 2, 0.2, 1.5)
 TELLS = ("reached", "partly")

@@ -24,7 +24,7 @@ from typing import Any
 
 import httpx
 
-from kb.store.journal import Journal, Line
+from cellwright.kb.store.journal import Journal, Line
 
 QUIET = ("--no-sandbox", "--disable-background-networking", "--disable-component-update")
 
@@ -183,7 +183,7 @@ def main() -> None:
         words = [
             sys.executable,
             "-m",
-            "engine.faces.cli",
+            "cellwright.engine.faces.cli",
             "monitor",
             "long",
             "--store",

@@ -33,15 +33,15 @@ from rich.console import Console
 from rich.table import Table
 from ur5_cells import KINDS, Task, tasks
 
-from engine import plugins
-from engine.kernels.geometry.proof import proved
-from engine.model.geometry import Floats, Scene
-from engine.model.motion import FINEST_M, Moved, Query, Refused
-from engine.ports import CollisionChecker
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.world.scenes import scene_of
-from engine.stages.motion.planner import plan, search
+from cellwright.engine import plugins
+from cellwright.engine.kernels.geometry.proof import proved
+from cellwright.engine.model.geometry import Floats, Scene
+from cellwright.engine.model.motion import FINEST_M, Moved, Query, Refused
+from cellwright.engine.ports import CollisionChecker
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.motion.planner import plan, search
 
 STEP, FINER, RUNS = 1 / 32, 1 / 320, 3
 HUNDREDTH = STEP / 100

@@ -24,25 +24,25 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from engine import plugins
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats
-from engine.model.motion import FINEST_M, Blocked, Moved, Query, Strategy
-from engine.pipelines.files import initial_facts
-from engine.pipelines.motion.moving import limits_of
-from engine.pipelines.motion.stations import near_one_another, stations
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.reach.hand import ArmHand
-from engine.stages.geometry.reach.reach import Reachability, Reached
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.motion.planner import plan
-from engine.stages.motion.refining import refined
-from engine.stages.motion.roadmap import mapped, neighbours, repaired, travels
-from kb.loader.cell import cell_of
-from kb.model.cell import Place
-from kb.model.shapes import Pose
+from cellwright.engine import plugins
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import FINEST_M, Blocked, Moved, Query, Strategy
+from cellwright.engine.pipelines.files import initial_facts
+from cellwright.engine.pipelines.motion.moving import limits_of
+from cellwright.engine.pipelines.motion.stations import near_one_another, stations
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.reach.hand import ArmHand
+from cellwright.engine.stages.geometry.reach.reach import Reachability, Reached
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.motion.planner import plan
+from cellwright.engine.stages.motion.refining import refined
+from cellwright.engine.stages.motion.roadmap import mapped, neighbours, repaired, travels
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.cell import Place
+from cellwright.kb.model.shapes import Pose
 
 CELLS = {"themse": "themse/one", "bulkhead": "bulkhead/one_point"}
 FINER = 1 / 320

@@ -22,14 +22,14 @@ from motion import finely
 from rich.console import Console
 from rich.table import Table
 
-from engine.model.geometry import Floats
-from engine.model.motion import Blocked, Moved, Query
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from engine.stages.motion.planner import plan
-from kb.loader.cell import load_cell
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Blocked, Moved, Query
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.motion.planner import plan
+from cellwright.kb.loader.cell import load_cell
 
 ARMS = ("puma_560", "manutec_r3", "t3_746", "ur5")
 QUERIES, BUDGET, STEP = 4, 1_000_000, 1 / 32

@@ -20,9 +20,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from kb.loader import bundled
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.kb.loader import bundled
 
 SEARCH_BARS = {
     "bulkhead/one_point": 0.2,
@@ -31,7 +31,7 @@ SEARCH_BARS = {
     "themse/four": 2.0,
 }
 HELP_BAR = 0.3
-COMMAND = [sys.executable, "-m", "engine.faces.cli"]
+COMMAND = [sys.executable, "-m", "cellwright.engine.faces.cli"]
 
 
 def targets() -> list[str]:
@@ -80,7 +80,7 @@ def measure(target: str, runs: int) -> dict[str, Any]:
 
 def heavy_modules() -> list[str]:
     """Heavy packages that planning a small problem loads."""
-    code = "import sys; from engine.pipelines import planning; planning.plan(planning.problem_of('bulkhead/one_point'))"
+    code = "import sys; from cellwright.engine.pipelines import planning; planning.plan(planning.problem_of('bulkhead/one_point'))"
     code += "; print(*sorted({'numpy', 'ortools'} & set(sys.modules)))"
     return subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True

@@ -26,10 +26,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from engine.formats.interop.pddl import read_pddl
-from engine.formats.interop.pddl.plans import read_plan
-from engine.pipelines import planning
-from kb.diagnostics import InvalidInput
+from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.formats.interop.pddl.plans import read_plan
+from cellwright.engine.pipelines import planning
+from cellwright.kb.diagnostics import InvalidInput
 
 OURS = ("auto", "backward", "forward", "landmarks", "asp")
 PEERS = ("lama-first", "pyperplan", "enhsp")
@@ -82,7 +82,7 @@ def ours(strategy: str) -> Command:
         return [
             sys.executable,
             "-m",
-            "engine.faces.cli",
+            "cellwright.engine.faces.cli",
             "plan",
             "--pddl",
             *files,

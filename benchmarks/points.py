@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from kb.loader import load
-from kb.model.conditions import And, Literal
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term
+from cellwright.kb.loader import load
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term
 
 ARM = Function("t3_746")
 PROBE, LASER = Function("us_probe"), Function("slra")

@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from engine.model.tour import PoseProblem, Tour, TourProblem, Visit
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import ArmModel
-from engine.stages.geometry.kinematics.inverse import InverseKinematics
-from engine.stages.sequencing import Limits, sequence
-from engine.stages.sequencing.poses import poses_for, tour_then_poses, with_poses
-from kb.loader.arm import bundled_arms, load_arm
+from cellwright.engine.model.tour import PoseProblem, Tour, TourProblem, Visit
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.engine.stages.sequencing.poses import poses_for, tour_then_poses, with_poses
+from cellwright.kb.loader.arm import bundled_arms, load_arm
 
 DRILL_M = 0.1
 TURNS = 12

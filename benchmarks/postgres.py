@@ -93,7 +93,7 @@ def emptied(url: str) -> None:
     """Throw away everything in the database."""
     from sqlalchemy import text
 
-    from kb.store.engines import connected
+    from cellwright.kb.store.engines import connected
 
     engine = connected(url)
     with engine.begin() as connection:

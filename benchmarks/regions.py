@@ -14,14 +14,14 @@ os.environ["CELLWRIGHT_THREADS"] = "1"
 
 import numpy as np
 
-from engine.model.geometry import Floats, Piece, Scene
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.region_checker import RegionChecker
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from kb.loader.arm import bundled_arms, load_arm
-from kb.model.cell import Cell, MountedArm
+from cellwright.engine.model.geometry import Floats, Piece, Scene
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.kb.model.cell import Cell, MountedArm
 
 CUBE = np.array(list(product((-0.5, 0.5), repeat=3)))
 RUNS = 3

@@ -27,17 +27,17 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from engine.formats.interop.pddl import read_pddl
-from engine.model.forecast import makespan
-from engine.model.outcome import Found, Outcome
-from engine.pipelines import planning
-from engine.pipelines.reuse import Practice
-from engine.pipelines.revision import revise
-from engine.stages.planning import Limits
-from engine.stages.validation import validate
-from kb.loader import load
-from kb.model.problem import Problem
-from kb.store import Library
+from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.outcome import Found, Outcome
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.reuse import Practice
+from cellwright.engine.pipelines.revision import revise
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.loader import load
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "pipelines" / "revision"))
 from disturbances import PLANS, course, moment

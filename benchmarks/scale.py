@@ -21,16 +21,16 @@ from typing import Any
 from macros import lessons
 from points import cell, different_days
 
-from engine.kernels.cancellation import never
-from engine.pipelines.preparation import notes
-from engine.pipelines.preparation.results import Prepared
-from engine.pipelines.units import Kind, Ledger, Unit
-from engine.pipelines.units.content import content
-from engine.pipelines.units.work import one
-from engine.stages.macros.lookup.repertoire import Repertoire, record_of
-from kb.store import Library, loads
-from kb.targets import find
-from kb.terms import Function
+from cellwright.engine.kernels.cancellation import never
+from cellwright.engine.pipelines.preparation import notes
+from cellwright.engine.pipelines.preparation.results import Prepared
+from cellwright.engine.pipelines.units import Kind, Ledger, Unit
+from cellwright.engine.pipelines.units.content import content
+from cellwright.engine.pipelines.units.work import one
+from cellwright.engine.stages.macros.lookup.repertoire import Repertoire, record_of
+from cellwright.kb.store import Library, loads
+from cellwright.kb.targets import find
+from cellwright.kb.terms import Function
 
 BATCH = 1_000
 

@@ -23,18 +23,18 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from engine.formats.interop.jobshop import read_jobshop
-from engine.formats.interop.slab import read_slab
-from engine.model.forecast import makespan
-from engine.model.outcome import Found
-from engine.model.schedule import Scheduled, Timetable
-from engine.model.shop import Shop
-from engine.pipelines.timetable import timed
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
-from engine.stages.scheduling import ScheduleLimits, check_schedule, schedule
-from kb.loader import bundled, load_problem
+from cellwright.engine.formats.interop.jobshop import read_jobshop
+from cellwright.engine.formats.interop.slab import read_slab
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.schedule import Scheduled, Timetable
+from cellwright.engine.model.shop import Shop
+from cellwright.engine.pipelines.timetable import timed
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import plan as plan_task
+from cellwright.engine.stages.scheduling import ScheduleLimits, check_schedule, schedule
+from cellwright.kb.loader import bundled, load_problem
 
 JOB_SHOPS = {"ft06": 55, "ft10": 930, "ft20": 1165, "la01": 666, "la16": 945}
 PROTOCOLS = {"Gu2016": 87, "qPCR": 148, "RNAseq": 973}

@@ -18,7 +18,7 @@ from typing import Any
 
 from playwright.sync_api import sync_playwright
 
-CELLWRIGHT = [sys.executable, "-m", "engine.faces.cli"]
+CELLWRIGHT = [sys.executable, "-m", "cellwright.engine.faces.cli"]
 QUIET = (
     "--no-sandbox",
     "--disable-background-networking",

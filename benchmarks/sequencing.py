@@ -26,10 +26,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from engine.formats.interop.tsplib import read_tsplib
-from engine.model.metric import Metric
-from engine.model.tour import Tour, TourProblem, Visit
-from engine.stages.sequencing import Limits, sequence
+from cellwright.engine.formats.interop.tsplib import read_tsplib
+from cellwright.engine.model.metric import Metric
+from cellwright.engine.model.tour import Tour, TourProblem, Visit
+from cellwright.engine.stages.sequencing import Limits, sequence
 
 PROOF_SECONDS = 30.0
 SMALL, MIDDLE, LARGE = 100, (800, 1500), (700, 5000)

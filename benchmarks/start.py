@@ -17,10 +17,10 @@ from typing import Any
 
 import typer
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 
 HELP_S = 0.3
-COMMAND = [sys.executable, "-m", "engine.faces.cli"]
+COMMAND = [sys.executable, "-m", "cellwright.engine.faces.cli"]
 
 
 def commands(group: Any, before: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:

@@ -13,9 +13,9 @@ import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
-from engine.pipelines import task_space
-from kb.model.contacts import ContactModel
-from kb.model.octuples import Octuple, Quadruple
+from cellwright.engine.pipelines import task_space
+from cellwright.kb.model.contacts import ContactModel
+from cellwright.kb.model.octuples import Octuple, Quadruple
 
 KEPT = Path("build/benchmarks/states.json")
 MOST_PLACES, MOST_SECONDS, JUDGED = 40, 1.0, (8, 16)

@@ -29,23 +29,23 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from engine.formats.report.standing import Standing as Run
-from engine.model.execution import Record, RecordKind
-from engine.model.outcome import Infeasible
-from engine.model.schedule import Timetable
-from engine.pipelines.execution import Execution, Timed
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import Ready, first
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import read_atom
-from engine.pipelines.simulation import SymbolicWorld
-from engine.pipelines.simulator import HiddenCell, Simulator
-from engine.pipelines.simulator.settings import Settings
-from engine.pipelines.timetable import timed
-from engine.stages.grounding import ground
-from engine.stages.scheduling import ScheduleLimits
-from kb.loader import bundled, load_problem
-from kb.model.problem import Problem
+from cellwright.engine.formats.report.standing import Standing as Run
+from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.pipelines.execution import Execution, Timed
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.engine.pipelines.simulation import SymbolicWorld
+from cellwright.engine.pipelines.simulator import HiddenCell, Simulator
+from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.engine.pipelines.timetable import timed
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.scheduling import ScheduleLimits
+from cellwright.kb.loader import bundled, load_problem
+from cellwright.kb.model.problem import Problem
 
 SPREAD = 0.2
 SHARE = 1.03

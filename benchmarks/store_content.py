@@ -5,7 +5,7 @@ from typing import Any
 
 from sqlalchemy import text
 
-from kb.store.engines import connected
+from cellwright.kb.store.engines import connected
 
 
 def rows(store: str, table: str) -> list[tuple[Any, ...]]:

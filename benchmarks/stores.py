@@ -129,8 +129,8 @@ def ended(child: int, hear: int, first: str = "") -> tuple[list[str], list[str]]
 
 def state(target: str, told: list[str]) -> str:
     """What is wrong with a library after a mishap."""
-    from kb.diagnostics import InvalidInput
-    from kb.store.checking import checked
+    from cellwright.kb.diagnostics import InvalidInput
+    from cellwright.kb.store.checking import checked
 
     try:
         findings = checked(target)[0] if told else []
@@ -201,7 +201,7 @@ def _full(table: Table, target: str, before: list[str], told: list[str], errors:
 
 def spoiled(place: Place, table: Table, count: int, chance: random.Random) -> None:
     """Damage in the file or the rows of a library."""
-    from kb.diagnostics import InvalidInput
+    from cellwright.kb.diagnostics import InvalidInput
 
     target = place.empty()
     write(target, 0, 12, "sound", lambda _: None, 3000)
@@ -225,7 +225,7 @@ def spoiled(place: Place, table: Table, count: int, chance: random.Random) -> No
 
 def writers(place: Place, table: Table, count: int, _chance: random.Random) -> None:
     """Processes that write at once."""
-    from kb.store.checking import checked
+    from cellwright.kb.store.checking import checked
 
     target, rounds = place.empty(), 25
     children = [forked(partial(_written, target, n, rounds)) for n in range(count)]

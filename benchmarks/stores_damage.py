@@ -7,14 +7,14 @@ from pathlib import Path
 
 from sqlalchemy import Column, Integer, select, update
 
-from kb.store import Library
-from kb.store.cases import Cases
-from kb.store.checking import checked, tables
-from kb.store.copying import back_up
-from kb.store.engines import connected, transaction
-from kb.store.journal import Journal
-from kb.store.poses import PoseStore
-from kb.store.sequences import Sequences
+from cellwright.kb.store import Library
+from cellwright.kb.store.cases import Cases
+from cellwright.kb.store.checking import checked, tables
+from cellwright.kb.store.copying import back_up
+from cellwright.kb.store.engines import connected, transaction
+from cellwright.kb.store.journal import Journal
+from cellwright.kb.store.poses import PoseStore
+from cellwright.kb.store.sequences import Sequences
 
 PAGE = 4096
 TEXTS = ("", "{", "[]", "null", "7", '"x"', "\x01", "é" * 40, '{"steps": 3}', "[" * 3000, "9" * 400, "1*x 2*")

@@ -3,14 +3,14 @@
 import time
 from collections.abc import Callable, Iterator
 
-from kb.model.macro import Macrop, MacroStep
-from kb.model.plan import StepId
-from kb.store import Library, Record, Use
-from kb.store.cases import Cases, ClosedCase
-from kb.store.journal import Journal, Line
-from kb.store.poses import PoseStore
-from kb.store.sequences import PlannedVisit, SequencePlan, Sequences
-from kb.terms import Function
+from cellwright.kb.model.macro import Macrop, MacroStep
+from cellwright.kb.model.plan import StepId
+from cellwright.kb.store import Library, Record, Use
+from cellwright.kb.store.cases import Cases, ClosedCase
+from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.store.poses import PoseStore
+from cellwright.kb.store.sequences import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.terms import Function
 
 DOMAIN = "cell"
 

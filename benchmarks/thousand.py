@@ -29,11 +29,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from engine.formats.interop.measurements import goal
-from engine.pipelines.planning import planned
-from kb.loader import find, load, with_goals
-from kb.loader.amounts import standing
-from kb.model.problem import Problem
+from cellwright.engine.formats.interop.measurements import goal
+from cellwright.engine.pipelines.planning import planned
+from cellwright.kb.loader import find, load, with_goals
+from cellwright.kb.loader.amounts import standing
+from cellwright.kb.model.problem import Problem
 
 BARS = {1_000: (20.0, 700.0), 10_000: (300.0, 3_000.0)}  # points: seconds of the processor, megabytes
 ONE_S = 0.3
@@ -59,7 +59,7 @@ def stage(*arguments: str, output: Path | None = None) -> Stage:
     if not child:
         with (output or Path(os.devnull)).open("w") as file:
             os.dup2(file.fileno(), 1)
-        os.execv(sys.executable, [sys.executable, "-m", "engine.faces.cli", *arguments])
+        os.execv(sys.executable, [sys.executable, "-m", "cellwright.engine.faces.cli", *arguments])
     _, status, used = os.wait4(child, 0)
     took = time.perf_counter() - started
     code = os.waitstatus_to_exitcode(status)

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
+from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
 
 
 def isolation(causes: int, tests: int, density: float, skewed: bool, seed: int) -> Troubleshooting:

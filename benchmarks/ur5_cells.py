@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from kb.loader.reader import Findings
-from kb.loader.urdf import arm_of
-from kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
-from kb.model.shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.loader.reader import Findings
+from cellwright.kb.loader.urdf import arm_of
+from cellwright.kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
+from cellwright.kb.model.shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
 
 KINDS = ("bookshelf_small", "bookshelf_tall", "box", "cage", "table_pick")
 

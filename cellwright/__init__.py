@@ -9,8 +9,7 @@
 
 For bad input, functions raise `InvalidInput` with every error and its place. That there is no plan is an answer.
 
-What this module exports is stable (docs/api.md); the modules below it, `engine` and `kb` are not. Nothing is imported before
-it is used.
+What this module exports is stable (docs/api.md); the modules below it are not. Nothing is imported before it is used.
 """
 
 from importlib import import_module
@@ -23,6 +22,10 @@ if TYPE_CHECKING:
     from cellwright.cases import Diagnosed as Diagnosed
     from cellwright.cases import decision_tree as decision_tree
     from cellwright.cases import diagnose as diagnose
+    from cellwright.engine.model.outcome import Found as Found
+    from cellwright.engine.model.outcome import GaveUp as GaveUp
+    from cellwright.engine.model.outcome import Infeasible as Infeasible
+    from cellwright.engine.model.outcome import Outcome as Outcome
     from cellwright.files import Imported as Imported
     from cellwright.files import compare_golden as compare_golden
     from cellwright.files import devices as devices
@@ -36,6 +39,11 @@ if TYPE_CHECKING:
     from cellwright.files import read_pddl_plan as read_pddl_plan
     from cellwright.files import schema as schema
     from cellwright.files import write_pddl_plan as write_pddl_plan
+    from cellwright.kb.diagnostics import Diagnostic as Diagnostic
+    from cellwright.kb.diagnostics import InvalidInput as InvalidInput
+    from cellwright.kb.model.plan import Plan as Plan
+    from cellwright.kb.model.plan import Step as Step
+    from cellwright.kb.model.problem import Problem as Problem
     from cellwright.libraries import back_up as back_up
     from cellwright.libraries import check_store as check_store
     from cellwright.libraries import export_macros as export_macros
@@ -81,15 +89,6 @@ if TYPE_CHECKING:
     from cellwright.times import Toured as Toured
     from cellwright.times import schedule as schedule
     from cellwright.times import sequence as sequence
-    from engine.model.outcome import Found as Found
-    from engine.model.outcome import GaveUp as GaveUp
-    from engine.model.outcome import Infeasible as Infeasible
-    from engine.model.outcome import Outcome as Outcome
-    from kb.diagnostics import Diagnostic as Diagnostic
-    from kb.diagnostics import InvalidInput as InvalidInput
-    from kb.model.plan import Plan as Plan
-    from kb.model.plan import Step as Step
-    from kb.model.problem import Problem as Problem
 
 _WHERE = {
     "cellwright.answers": ("Answer", "Told"),
@@ -129,10 +128,10 @@ _WHERE = {
     "cellwright.requests": ("load",),
     "cellwright.running": ("Ran", "results", "resume", "run", "runs", "tell"),
     "cellwright.times": ("Scheduled", "Toured", "schedule", "sequence"),
-    "engine.model.outcome": ("Found", "GaveUp", "Infeasible", "Outcome"),
-    "kb.diagnostics": ("Diagnostic", "InvalidInput"),
-    "kb.model.plan": ("Plan", "Step"),
-    "kb.model.problem": ("Problem",),
+    "cellwright.engine.model.outcome": ("Found", "GaveUp", "Infeasible", "Outcome"),
+    "cellwright.kb.diagnostics": ("Diagnostic", "InvalidInput"),
+    "cellwright.kb.model.plan": ("Plan", "Step"),
+    "cellwright.kb.model.problem": ("Problem",),
 }
 """The public names, by the module that has each."""
 

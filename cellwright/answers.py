@@ -1,6 +1,6 @@
 """What every verb answers: values to compute with, that know how to show themselves in a terminal, in JSON and in a notebook.
 
-The values of `kb.model` and `engine.model` know no pictures. An answer holds such values and asks the reports to draw them,
+The values of `cellwright.kb.model` and `cellwright.engine.model` know no pictures. An answer holds such values and asks the reports to draw them,
 when somebody looks.
 """
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from kb.diagnostics import Diagnostic
+    from cellwright.kb.diagnostics import Diagnostic
 
 WIDTH = 100  # columns of a text
 
@@ -46,7 +46,7 @@ class Answer(ABC):
 
     def json(self) -> str:
         """The answer as the command line writes it with `--format json`."""
-        from engine.formats.report import json
+        from cellwright.engine.formats.report import json
 
         return json.envelope(self.status, self.data(), self.diagnostics)
 
@@ -55,7 +55,7 @@ class Answer(ABC):
 
         from rich.console import Console
 
-        from kb.diagnostics import escaped
+        from cellwright.kb.diagnostics import escaped
 
         console = Console(file=StringIO(), width=WIDTH, color_system=None, legacy_windows=False)
         console.print(self._renderable())

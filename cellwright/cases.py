@@ -13,11 +13,11 @@ from cellwright.requests import Deadline, Name, Target, limited, name_of
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.model.cases import Diagnosis
-    from engine.model.troubleshooting import Action, Advice, Tree, Troubleshooting
-    from engine.pipelines.troubleshooting import Desk
-    from engine.pipelines.troubleshooting.recovery import Recovery
-    from engine.stages.diagnosis.session import Answerer
+    from cellwright.engine.model.cases import Diagnosis
+    from cellwright.engine.model.troubleshooting import Action, Advice, Tree, Troubleshooting
+    from cellwright.engine.pipelines.troubleshooting import Desk
+    from cellwright.engine.pipelines.troubleshooting.recovery import Recovery
+    from cellwright.engine.stages.diagnosis.session import Answerer
 
 Ask = Callable[[str, Sequence[str]], "str | None"]
 
@@ -37,8 +37,8 @@ class Diagnosed(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """The tests, the belief, what is certain, and the recovery."""
-        from engine.formats.report import diagnosis as report
-        from engine.formats.report import recovery
+        from cellwright.engine.formats.report import diagnosis as report
+        from cellwright.engine.formats.report import recovery
 
         desk = self._open
         content = report.case_entry(
@@ -49,8 +49,8 @@ class Diagnosed(Answer):
     def _renderable(self) -> "RenderableType":
         from rich.console import Group
 
-        from engine.formats.report import diagnosis as report
-        from engine.formats.report import recovery
+        from cellwright.engine.formats.report import diagnosis as report
+        from cellwright.engine.formats.report import recovery
 
         desk, made = self._open, self.diagnosis
         case = report.case(desk.model, made, desk.certainties(made), desk.revision(made))
@@ -80,19 +80,19 @@ class DecisionTree(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """The tree, its expected cost and a bound on that of any tree."""
-        from engine.formats.report import diagnosis as report
+        from cellwright.engine.formats.report import diagnosis as report
 
         tree = report.tree_entry(self.problem, self.tree)
         return {"expected cost": round(self.expected_cost, 6), "bound": round(self.bound, 6), "tree": tree}
 
     def svg(self) -> str | None:
         """The tree as a picture."""
-        from engine.formats.report.decision_svg import decision_tree
+        from cellwright.engine.formats.report.decision_svg import decision_tree
 
         return decision_tree(self.problem, self.tree, self.expected_cost)
 
     def _renderable(self) -> "RenderableType":
-        from engine.formats.report import diagnosis as report
+        from cellwright.engine.formats.report import diagnosis as report
 
         return report.tree(self.problem, self.tree, self.expected_cost, self.bound)
 
@@ -108,7 +108,7 @@ def decision_tree(
     expansions: int | None = None,
 ) -> DecisionTree:
     """The whole decision tree for an exception: at the least expected cost that is found. Raises `InvalidInput`, `TimeoutError`."""
-    from engine.model.troubleshooting import expected_cost
+    from cellwright.engine.model.troubleshooting import expected_cost
 
     with limited(seconds) as over:
         desk = _desk(target, exception, step, objective, store, expansions, over, None)
@@ -144,8 +144,8 @@ def diagnose(
     file of the plan that failed at `step`, `done` its steps that are done, `holds` and `gone` what is seen against the model.
     With `recover` the work is planned on. A `store` keeps the closed case and learns. Raises `InvalidInput`, `TimeoutError`.
     """
-    from engine.pipelines.troubleshooting.given import Failed, Seen
-    from engine.stages.diagnosis.session import run
+    from cellwright.engine.pipelines.troubleshooting.given import Failed, Seen
+    from cellwright.engine.stages.diagnosis.session import run
 
     failed = Failed(Path(plan), step, done) if plan else None
     with limited(seconds) as over:
@@ -167,7 +167,7 @@ def _desk(
     over: Deadline,
     seen: Any,
 ) -> "Desk":
-    from engine.pipelines.troubleshooting import desk
+    from cellwright.engine.pipelines.troubleshooting import desk
 
     more = dict(zip(("failed", "seen"), seen, strict=True)) if seen else {}
     name = name_of(target)
@@ -175,9 +175,9 @@ def _desk(
 
 
 def _answerer(desk: "Desk", ask: Ask | None, outcomes: str, hidden: str, seed: int) -> "Answerer":
-    from engine.pipelines.troubleshooting.given import hidden_hypothesis, scripted
-    from engine.stages.diagnosis.world import HiddenWorld
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.engine.pipelines.troubleshooting.given import hidden_hypothesis, scripted
+    from cellwright.engine.stages.diagnosis.world import HiddenWorld
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if [bool(ask), bool(outcomes), bool(hidden)].count(True) != 1:
         hint = "give one of ask, outcomes and hidden; `decision_tree` needs none of them"

@@ -10,11 +10,11 @@ from cellwright.plans import Planned, plan_of
 from cellwright.requests import Name, Target, load, name_of
 
 if TYPE_CHECKING:
-    from engine.authoring.layout import Arranged
-    from engine.authoring.testing.golden import GoldenComparison
-    from engine.formats.interop.pddl import PddlProblem
-    from kb.diagnostics import Diagnostic
-    from kb.loader.uses import Device
+    from cellwright.engine.authoring.layout import Arranged
+    from cellwright.engine.authoring.testing.golden import GoldenComparison
+    from cellwright.engine.formats.interop.pddl import PddlProblem
+    from cellwright.kb.diagnostics import Diagnostic
+    from cellwright.kb.loader.uses import Device
 
 FileKind = Literal[
     "domain", "problem", "plan", "device", "cell", "arm", "faults", "contacts", "scene", "events"
@@ -23,24 +23,24 @@ FileKind = Literal[
 
 def read_pddl(domain: Name, problem: Name) -> "PddlProblem":
     """A PDDL task; its `problem` is planned like any other. Raises `InvalidInput` for what is not supported, with its place."""
-    from engine.formats.interop import pddl
+    from cellwright.engine.formats.interop import pddl
 
     return pddl.read_pddl(Path(domain), Path(problem))
 
 
 def read_pddl_plan(task: "PddlProblem", file: Name) -> Planned:
     """A plan for a PDDL task, in the format of the planning competitions. `validate` checks it. Raises `InvalidInput`."""
-    from engine.formats.interop.pddl.plans import read_plan
-    from engine.formats.report.planned import Made
-    from engine.model.outcome import Found
-    from engine.pipelines.objective import Run
+    from cellwright.engine.formats.interop.pddl.plans import read_plan
+    from cellwright.engine.formats.report.planned import Made
+    from cellwright.engine.model.outcome import Found
+    from cellwright.engine.pipelines.objective import Run
 
     return Planned(Made(Run(Found(read_plan(task, Path(file)))), task.problem))
 
 
 def write_pddl_plan(task: "PddlProblem", plan: Planned) -> str:
     """The plan for a PDDL task as text, in the format of the planning competitions. Raises `InvalidInput` without a plan."""
-    from engine.formats.interop.pddl.plans import write_plan
+    from cellwright.engine.formats.interop.pddl.plans import write_plan
 
     return write_plan(task, plan_of(plan)[1])
 
@@ -49,16 +49,16 @@ def export_pddl(
     target: Target, folder: Name, *, goals: str = "", command: str = "", ground: bool = False
 ) -> tuple[Path, Path]:
     """Write a problem as domain.pddl and problem.pddl for any planner; the two files. Raises `InvalidInput`."""
-    from engine.formats.interop.pddl.files import exported, write
+    from cellwright.engine.formats.interop.pddl.files import exported, write
 
     return write(exported(load(target, goals, command), lifted=not ground), Path(folder))
 
 
 def export_behaviour_tree(plan: "Planned | str | PathLike[str]") -> str:
     """A plan as a behaviour tree, in the XML of BehaviorTree.CPP 4. Raises `InvalidInput` for a plan that is not right."""
-    from engine.formats.interop import behaviour_trees
-    from engine.pipelines.planning import check_plan
-    from kb.diagnostics import InvalidInput
+    from cellwright.engine.formats.interop import behaviour_trees
+    from cellwright.engine.pipelines.planning import check_plan
+    from cellwright.kb.diagnostics import InvalidInput
 
     problem, made, _, name = plan_of(plan)
     if wrong := check_plan(problem, made, name):
@@ -68,7 +68,7 @@ def export_behaviour_tree(plan: "Planned | str | PathLike[str]") -> str:
 
 def export_qif(target: Target) -> str:
     """The points to measure of a problem as a QIF document."""
-    from engine.formats.interop.inspections import as_qif
+    from cellwright.engine.formats.interop.inspections import as_qif
 
     return as_qif(load(target))[0]
 
@@ -94,7 +94,7 @@ def import_points(
 
     `unit` is that of a file that names none, and of `edge_distance`, by which points stay away from the edges of faces.
     """
-    from engine.formats.interop.inspections import import_file, remarks
+    from cellwright.engine.formats.interop.inspections import import_file, remarks
 
     source, target = Path(file), Path(output)
     table = source.suffix.lower() == ".csv"
@@ -105,34 +105,34 @@ def import_points(
 
 def init(folder: Name, devices: Sequence[str] = ()) -> tuple[Path, ...]:
     """Write a small domain into a new folder, put together from `devices` if some are named; its files. Raises `InvalidInput`."""
-    from engine.authoring.starter import create, create_with
+    from cellwright.engine.authoring.starter import create, create_with
 
     return tuple(create_with(Path(folder), devices)[0] if devices else create(Path(folder)))
 
 
 def devices(beside: Name = ".") -> "tuple[Device, ...]":
     """The devices that come with Cellwright, and those of the domain in the folder `beside`."""
-    from kb.loader.uses import all_devices
+    from cellwright.kb.loader.uses import all_devices
 
     return tuple(all_devices(Path(beside)))
 
 
 def schema(kind: FileKind) -> Mapping[str, Any]:
     """The JSON Schema of a kind of file."""
-    from kb.schema import json_schema
+    from cellwright.kb.schema import json_schema
 
     return json_schema(kind)
 
 
 def compare_golden(target: Target) -> "tuple[GoldenComparison, ...]":
     """Plan every problem of a domain again and compare the answers with the accepted ones. Raises `InvalidInput`."""
-    from engine.authoring.testing.golden import compare_all
+    from cellwright.engine.authoring.testing.golden import compare_all
 
     return tuple(compare_all(name_of(target)))
 
 
 def format_files(paths: Sequence[Name], *, write: bool = True) -> "Arranged":
     """Give files, and all of folders, their usual form; with `write` off, only say which differ."""
-    from engine.authoring.layout import arrange
+    from cellwright.engine.authoring.layout import arrange
 
     return arrange([Path(fspath(each)) for each in paths], write)

@@ -10,11 +10,11 @@ from cellwright.answers import Told
 from cellwright.requests import Name, Target, limited, load
 
 if TYPE_CHECKING:
-    from engine.pipelines.inspection.progress import Progress
-    from engine.pipelines.preparation import Preparation
-    from engine.pipelines.reuse.lessons import Lesson
-    from kb.diagnostics import Diagnostic
-    from kb.store import Stored
+    from cellwright.engine.pipelines.inspection.progress import Progress
+    from cellwright.engine.pipelines.preparation import Preparation
+    from cellwright.engine.pipelines.reuse.lessons import Lesson
+    from cellwright.kb.diagnostics import Diagnostic
+    from cellwright.kb.store import Stored
 
 
 def prepare(
@@ -31,11 +31,11 @@ def prepare(
 
     `jobs` are processes (0: one for each processor), `cluster` the address of a Dask scheduler. Raises `InvalidInput`.
     """
-    from engine.formats.report import prepared
-    from engine.pipelines.preparation import prepare as prepare_all
-    from engine.pipelines.preparation.targets import problems_of
-    from engine.pipelines.units import crew_of
-    from engine.stages.planning import Limits
+    from cellwright.engine.formats.report import prepared
+    from cellwright.engine.pipelines.preparation import prepare as prepare_all
+    from cellwright.engine.pipelines.preparation.targets import problems_of
+    from cellwright.engine.pipelines.units import crew_of
+    from cellwright.engine.stages.planning import Limits
 
     crew, paths = crew_of(jobs or len(os.sched_getaffinity(0)), cluster), problems_of(fspath(target))
     with limited(seconds) as over:
@@ -65,10 +65,10 @@ def keep_sequence(
     `bad` says of visits that failed why.
     Raises `InvalidInput`.
     """
-    from engine.formats.report import progress as report
-    from engine.pipelines.inspection.progress import News
-    from engine.pipelines.parts.keeping import carry_on
-    from engine.stages.sequencing import Limits
+    from cellwright.engine.formats.report import progress as report
+    from cellwright.engine.pipelines.inspection.progress import News
+    from cellwright.engine.pipelines.parts.keeping import carry_on
+    from cellwright.engine.stages.sequencing import Limits
 
     news = News(tuple(done), tuple(lost), dict(bad or {}), tuple(restored))
     found = carry_on(fspath(store), load(target), news, Limits(work, seed), anew)
@@ -77,7 +77,7 @@ def keep_sequence(
 
 def macros(store: Name, domain: str = "") -> "tuple[Stored, ...]":
     """The MACROPs that a store has learned, of one domain or of all."""
-    from kb.store import Library
+    from cellwright.kb.store import Library
 
     name = _domain_name(domain) if domain else ""
     with Library(fspath(store)) as library:
@@ -86,16 +86,16 @@ def macros(store: Name, domain: str = "") -> "tuple[Stored, ...]":
 
 def _domain_name(target: str) -> str:
     """The name of the domain that a target names."""
-    from engine.pipelines.files import loaded
-    from kb.loader import find
+    from cellwright.engine.pipelines.files import loaded
+    from cellwright.kb.loader import find
 
     return loaded(find(target)).domain.name
 
 
 def learn(store: Name, plans: Sequence[Name]) -> "tuple[Lesson, ...]":
     """Check plan files, generalise them and keep the MACROPs; the result for each file. Raises `InvalidInput`."""
-    from engine.pipelines.reuse.lessons import lesson
-    from kb.store import Library
+    from cellwright.engine.pipelines.reuse.lessons import lesson
+    from cellwright.kb.store import Library
 
     with Library(fspath(store)) as library:
         return tuple(lesson(Path(each), library) for each in plans)
@@ -103,7 +103,7 @@ def learn(store: Name, plans: Sequence[Name]) -> "tuple[Lesson, ...]":
 
 def forget(store: Name, numbers: Sequence[int]) -> int:
     """Remove MACROPs by their numbers; how many were removed."""
-    from kb.store import Library
+    from cellwright.kb.store import Library
 
     with Library(fspath(store)) as library:
         return library.forget(set(numbers))
@@ -111,7 +111,7 @@ def forget(store: Name, numbers: Sequence[int]) -> int:
 
 def export_macros(store: Name, file: Name, domain: str = "") -> int:
     """Write the MACROPs of a store to a JSON file; how many there are."""
-    from engine.pipelines.reuse.lessons import write
+    from cellwright.engine.pipelines.reuse.lessons import write
 
     found = macros(store, domain)
     write(Path(file), [each.macrop for each in found])
@@ -120,8 +120,8 @@ def export_macros(store: Name, file: Name, domain: str = "") -> int:
 
 def import_macros(store: Name, file: Name) -> int:
     """Add the MACROPs of such a file to a store; how many were new. Raises `InvalidInput`."""
-    from engine.pipelines.reuse.lessons import read, records
-    from kb.store import Library
+    from cellwright.engine.pipelines.reuse.lessons import read, records
+    from cellwright.kb.store import Library
 
     made = records(read(Path(file)))
     with Library(fspath(store)) as library:
@@ -130,27 +130,27 @@ def import_macros(store: Name, file: Name) -> int:
 
 def check_store(store: Name) -> "tuple[Diagnostic, ...]":
     """The damage in a store; empty if there is none. Raises `InvalidInput` if this is no store."""
-    from kb.store.checking import checked
+    from cellwright.kb.store.checking import checked
 
     return tuple(checked(fspath(store))[0])
 
 
 def back_up(store: Name, file: Name) -> Mapping[str, int]:
     """Copy a store into a new file, also while others use it; the rows of each table. Raises `InvalidInput`."""
-    from kb.store import copying
+    from cellwright.kb.store import copying
 
     return copying.back_up(fspath(store), Path(file))
 
 
 def restore(file: Name, store: Name, *, replace: bool = False) -> Mapping[str, int]:
     """Put a backup into an empty store, or in the place of what it holds; the rows of each table. Raises `InvalidInput`."""
-    from kb.store import copying
+    from cellwright.kb.store import copying
 
     return copying.restore(Path(file), fspath(store), replace)
 
 
 def migrate(source: Name, store: Name) -> Mapping[str, int]:
     """Copy a store into an empty one, from SQLite to PostgreSQL or back; the rows of each table. Raises `InvalidInput`."""
-    from kb.store import copying
+    from cellwright.kb.store import copying
 
     return copying.migrate(fspath(source), fspath(store))

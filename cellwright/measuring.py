@@ -9,20 +9,20 @@ from cellwright.answers import Told
 from cellwright.requests import Name, Target, load
 
 if TYPE_CHECKING:
-    from engine.model.fits import Aligning, Fitting
-    from engine.model.ranging import Vague
-    from engine.pipelines.dimensions.surfaces import MeasuredSurface
-    from engine.pipelines.inspection import Partition
-    from engine.pipelines.placing.recognising import Seen
+    from cellwright.engine.model.fits import Aligning, Fitting
+    from cellwright.engine.model.ranging import Vague
+    from cellwright.engine.pipelines.dimensions.surfaces import MeasuredSurface
+    from cellwright.engine.pipelines.inspection import Partition
+    from cellwright.engine.pipelines.placing.recognising import Seen
 
 Shape = Literal["plane", "sphere", "cylinder", "cone", "circle"]
 
 
 def measurements(target: Target) -> "Told[Partition]":
     """The measurements of a problem: by tool, those that are done, and those that are impossible, each with its reason."""
-    from engine.formats.report.inspection import entry, parts
-    from engine.pipelines.inspection.arms import divided
-    from engine.pipelines.points import with_places
+    from cellwright.engine.formats.report.inspection import entry, parts
+    from cellwright.engine.pipelines.inspection.arms import divided
+    from cellwright.engine.pipelines.points import with_places
 
     return Told(divided(with_places(load(target))), "ok", entry, parts)
 
@@ -34,12 +34,12 @@ def fit(shape: Shape, points: Name, *, noise_mm: float = 0.05, unit: str = "m") 
     """
     import numpy as np
 
-    from engine.formats.interop.depth_files import read_cloud
-    from engine.formats.interop.tables import unit_m
-    from engine.formats.report import fits
-    from engine.model.fits import Cloud, Fit
-    from engine.model.fits import Shape as Shapes
-    from engine.stages.fitting.surfaces import fitted
+    from cellwright.engine.formats.interop.depth_files import read_cloud
+    from cellwright.engine.formats.interop.tables import unit_m
+    from cellwright.engine.formats.report import fits
+    from cellwright.engine.model.fits import Cloud, Fit
+    from cellwright.engine.model.fits import Shape as Shapes
+    from cellwright.engine.stages.fitting.surfaces import fitted
 
     cloud = read_cloud(Path(points), unit_m(unit))
     found = fitted(Shapes(shape), Cloud(cloud, np.full(len(cloud), noise_mm * 1e-3)))
@@ -54,11 +54,11 @@ def align(
 
     An alignment that leaves a point less sure than `within_mm` is refused. Raises `InvalidInput`.
     """
-    from engine.formats.interop.alignments import datums_of, read_results
-    from engine.formats.report import alignments
-    from engine.model.fits import Alignment
-    from engine.pipelines.points import points
-    from engine.stages.fitting.alignment import aligned, sure_enough
+    from cellwright.engine.formats.interop.alignments import datums_of, read_results
+    from cellwright.engine.formats.report import alignments
+    from cellwright.engine.model.fits import Alignment
+    from cellwright.engine.pipelines.points import points
+    from cellwright.engine.stages.fitting.alignment import aligned, sure_enough
 
     problem = load(target)
     datums = datums_of(problem, read_results(Path(results)), noise_mm * 1e-3)
@@ -86,12 +86,12 @@ def image(
     """
     from rich.text import Text
 
-    from engine.formats.interop.range_files import read_ranges
-    from engine.formats.report import ranges
-    from engine.model.ranging import Vague
-    from engine.pipelines.dimensions.surfaces import Seeing, measured_surface
-    from engine.plugins import geometry_backend
-    from kb.loader.cell import cell_of
+    from cellwright.engine.formats.interop.range_files import read_ranges
+    from cellwright.engine.formats.report import ranges
+    from cellwright.engine.model.ranging import Vague
+    from cellwright.engine.pipelines.dimensions.surfaces import Seeing, measured_surface
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
 
     problem = load(target)
     where = cell_of(problem.path)
@@ -112,12 +112,12 @@ def recognise(
     scene: Name, *, parts: Sequence[str] = (), image: "str | PathLike[str] | None" = None, seed: int = 0
 ) -> "Told[Seen]":
     """Which parts of a scene an image shows, and where they are. Without an image one is made. Raises `InvalidInput`."""
-    from engine.formats.interop.depth_files import read_depth
-    from engine.formats.report import recognition
-    from engine.pipelines.placing import looking
-    from engine.pipelines.placing.recognising import recognised_in
-    from kb.loader.scene import load_scene
-    from kb.targets import find_scene
+    from cellwright.engine.formats.interop.depth_files import read_depth
+    from cellwright.engine.formats.report import recognition
+    from cellwright.engine.pipelines.placing import looking
+    from cellwright.engine.pipelines.placing.recognising import recognised_in
+    from cellwright.kb.loader.scene import load_scene
+    from cellwright.kb.targets import find_scene
 
     read = load_scene(find_scene(fspath(scene)))
     given = read_depth(Path(image), looking.camera_of(read)) if image else None

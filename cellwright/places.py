@@ -10,14 +10,14 @@ from cellwright.answers import Told
 from cellwright.requests import Name, Target, name_of
 
 if TYPE_CHECKING:
-    from engine.model.geometry import Floats
-    from engine.model.motion import Strategy as Strategies
-    from engine.model.task_space import Net
-    from engine.pipelines.motion.moving import Motion
-    from engine.pipelines.placing.answers import PlaceAnswer
-    from engine.pipelines.placing.assembling import AssemblyMade
-    from engine.stages.geometry.pictures.view import View
-    from kb.model.scene import Scene
+    from cellwright.engine.model.geometry import Floats
+    from cellwright.engine.model.motion import Strategy as Strategies
+    from cellwright.engine.model.task_space import Net
+    from cellwright.engine.pipelines.motion.moving import Motion
+    from cellwright.engine.pipelines.placing.answers import PlaceAnswer
+    from cellwright.engine.pipelines.placing.assembling import AssemblyMade
+    from cellwright.engine.stages.geometry.pictures.view import View
+    from cellwright.kb.model.scene import Scene
 
 
 def cell(
@@ -34,10 +34,10 @@ def cell(
     """
     from rich.text import Text
 
-    from engine.pipelines.files import initial_facts
-    from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures import view
-    from kb.loader.cell import cell_of
+    from cellwright.engine.pipelines.files import initial_facts
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.engine.stages.geometry.pictures import view
+    from cellwright.kb.loader.cell import cell_of
 
     name = name_of(target)
     made = view.view_of(cell_of(name), geometry_backend(), configurations, place, initial_facts(name))
@@ -70,10 +70,10 @@ def motion(
     """
     from rich.text import Text
 
-    from engine.formats.report import motion as report
-    from engine.formats.report import motion_pictures
-    from engine.model.motion import Strategy
-    from engine.pipelines.motion.moving import Site, Wish, move
+    from cellwright.engine.formats.report import motion as report
+    from cellwright.engine.formats.report import motion_pictures
+    from cellwright.engine.model.motion import Strategy
+    from cellwright.engine.pipelines.motion.moving import Site, Wish, move
 
     way: Strategies = Strategy(strategy)
     tilt = math.radians(upright)
@@ -90,12 +90,12 @@ def motion(
 
 def travel(target: Target, *, tool: str = "", places: Sequence[str] = (), jobs: int = 1) -> "Told[Any]":
     """How long free motions between places of a cell take, in seconds. Raises `InvalidInput`."""
-    from engine.formats.report import motion_tables as report
-    from engine.pipelines.motion.sets import table_by
-    from engine.pipelines.units import crew_of
-    from kb.loader import find, load
-    from kb.stopping import wanted
-    from kb.syntax import SECONDS
+    from cellwright.engine.formats.report import motion_tables as report
+    from cellwright.engine.pipelines.motion.sets import table_by
+    from cellwright.engine.pipelines.units import crew_of
+    from cellwright.kb.loader import find, load
+    from cellwright.kb.stopping import wanted
+    from cellwright.kb.syntax import SECONDS
 
     name = name_of(target)
     unit_s = float(SECONDS[load(find(name)).domain.time_unit])
@@ -109,9 +109,9 @@ def states(target: Target, *, full: bool = False, parts: Sequence[str] = ()) -> 
     With `full` every object and anchor point counts by itself; `parts` keeps only these objects or classes. Status: ok, or
     gave up if the net is not complete. Raises `InvalidInput`.
     """
-    from engine.formats.report import states as report
-    from engine.formats.report import states_svg
-    from engine.pipelines import task_space
+    from cellwright.engine.formats.report import states as report
+    from cellwright.engine.formats.report import states_svg
+    from cellwright.engine.pipelines import task_space
 
     model, warnings = task_space.model_of(name_of(target))
     found = task_space.net(model, task_space.Wanted(tuple(parts), full))
@@ -128,8 +128,8 @@ def place(
     """
     from rich.text import Text
 
-    from engine.formats.report import placing as report
-    from engine.pipelines.placing import placing
+    from cellwright.engine.formats.report import placing as report
+    from cellwright.engine.pipelines.placing import placing
 
     read, seen = _scene(scene, image)
     found, _ = placing.place(read, part, base, seed, seen)
@@ -142,9 +142,9 @@ def assemble(
     """Put all parts of a scene where its relations say, in an order that is planned and proved. Raises `InvalidInput`."""
     from rich.text import Text
 
-    from engine.formats.report import assembling as report
-    from engine.pipelines.placing import assembling
-    from kb.loader import load_domain
+    from cellwright.engine.formats.report import assembling as report
+    from cellwright.engine.pipelines.placing import assembling
+    from cellwright.kb.loader import load_domain
 
     read, seen = _scene(scene, image)
     made, _ = assembling.assemble(read, load_domain("handey"), base, seed, seen)
@@ -152,10 +152,10 @@ def assemble(
 
 
 def _scene(scene: Name, image: "str | PathLike[str] | None") -> "tuple[Scene, Floats | None]":
-    from engine.formats.interop.depth_files import read_depth
-    from engine.pipelines.placing import looking
-    from kb.loader.scene import load_scene
-    from kb.targets import find_scene
+    from cellwright.engine.formats.interop.depth_files import read_depth
+    from cellwright.engine.pipelines.placing import looking
+    from cellwright.kb.loader.scene import load_scene
+    from cellwright.kb.targets import find_scene
 
     read = load_scene(find_scene(fspath(scene)))
     return read, read_depth(Path(image), looking.camera_of(read)) if image else None

@@ -12,16 +12,16 @@ from cellwright.requests import Deadline, Name, Target, limited, load, name_of
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.formats.report.planned import Made
-    from engine.model.outcome import Outcome
-    from engine.pipelines.moves.planning import Moving
-    from engine.pipelines.objective import Run
-    from engine.pipelines.revision import PlanRevision
-    from engine.stages.planning import Limits
-    from kb.diagnostics import Diagnostic
-    from kb.model.plan import Claims, Plan, StepId
-    from kb.model.problem import Problem
-    from kb.terms import Atom
+    from cellwright.engine.formats.report.planned import Made
+    from cellwright.engine.model.outcome import Outcome
+    from cellwright.engine.pipelines.moves.planning import Moving
+    from cellwright.engine.pipelines.objective import Run
+    from cellwright.engine.pipelines.revision import PlanRevision
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.diagnostics import Diagnostic
+    from cellwright.kb.model.plan import Claims, Plan, StepId
+    from cellwright.kb.model.problem import Problem
+    from cellwright.kb.terms import Atom
 
 Strategy = Literal["auto", "backward", "forward", "landmarks", "asp", "shortest", "race"]
 
@@ -46,7 +46,7 @@ class Planned(Answer):
     @property
     def plan(self) -> "Plan | None":
         """The plan; None if there is none."""
-        from engine.model.outcome import Found
+        from cellwright.engine.model.outcome import Found
 
         return self.outcome.plan if isinstance(self.outcome, Found) else None
 
@@ -63,37 +63,37 @@ class Planned(Answer):
     @property
     def status(self) -> str:
         """optimal, found, infeasible, gave up or stopped."""
-        from engine.formats.report import json
+        from cellwright.engine.formats.report import json
 
         return json.status(self.outcome)
 
     @property
     def diagnostics(self) -> "tuple[Diagnostic, ...]":
         """A warning if the library could not keep what was learned."""
-        from engine.formats.report.planned import losses
+        from cellwright.engine.formats.report.planned import losses
 
         return losses(self.made.origin, self.store)
 
     def data(self) -> Mapping[str, Any]:
         """The plan with its problem. Written to a file, `json()` is a plan file."""
-        from engine.formats.report.planned import document
+        from cellwright.engine.formats.report.planned import document
 
         return document(self.made, stats=False)
 
     def svg(self) -> str | None:
         """The partial order of the plan as a picture."""
-        from engine.formats.report import svg
+        from cellwright.engine.formats.report import svg
 
         return svg.plan(self.plan, self.problem) if self.plan else None
 
     def dot(self) -> str | None:
         """The partial order of the plan for Graphviz."""
-        from engine.formats.report import dot
+        from cellwright.engine.formats.report import dot
 
         return dot.plan(self.plan, self.problem) if self.plan else None
 
     def _renderable(self) -> "RenderableType":
-        from engine.formats.report.planned import text
+        from cellwright.engine.formats.report.planned import text
 
         return text(self.made, stats=False, folded=False)
 
@@ -119,16 +119,16 @@ def plan(
     says who orders measurements. With `anytime` the plan is improved until `seconds` are over, with `motion` every step has
     a path that touches nothing. `store` is a library of MACROPs, read and taught. Raises `InvalidInput`, `TimeoutError`.
     """
-    from engine.formats.report.planned import Made
-    from engine.pipelines.objective import Objective, Order
-    from engine.pipelines.recall import planned
+    from cellwright.engine.formats.report.planned import Made
+    from cellwright.engine.pipelines.objective import Objective, Order
+    from cellwright.engine.pipelines.recall import planned
 
     library = fspath(store)
     with limited(seconds) as over:
         problem, limits = load(target, goals, command), _limits(over, expansions, strategy, anytime, seed)
         wish, who = Objective(objective) if objective else None, Order(order)
         if motion:
-            from engine.pipelines.objective import plan as planned_alone
+            from cellwright.engine.pipelines.objective import plan as planned_alone
 
             moving = moved(
                 name_of(target), problem, lambda each: planned_alone(each, limits, wish, who), seed, library
@@ -139,8 +139,8 @@ def plan(
 
 
 def _limits(over: Deadline, expansions: int, strategy: str, thorough: bool, seed: int) -> "Limits":
-    from engine.stages.planning import RACE, STRATEGIES, Limits
-    from kb.diagnostics import InvalidInput, Source, unknown_name
+    from cellwright.engine.stages.planning import RACE, STRATEGIES, Limits
+    from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
     if strategy not in (*STRATEGIES, RACE):
         raise InvalidInput([unknown_name("strategy", strategy, {*STRATEGIES, RACE}, Source("strategy"))])
@@ -149,10 +149,10 @@ def _limits(over: Deadline, expansions: int, strategy: str, thorough: bool, seed
 
 def moved(target: str, problem: "Problem", planned: Any, seed: int, store: str) -> "Moving":
     """The plan in which every step moves; `planned` makes the `Run` of a problem."""
-    from engine.pipelines.poses.planning import plan_with_poses
-    from engine.plugins import geometry_backend
-    from kb.loader.cell import cell_of
-    from kb.stopping import Stopped, wanted
+    from cellwright.engine.pipelines.poses.planning import plan_with_poses
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
+    from cellwright.kb.stopping import Stopped, wanted
 
     def in_time(each: "Problem") -> "Run":
         run: Run = planned(each)
@@ -165,18 +165,18 @@ def moved(target: str, problem: "Problem", planned: Any, seed: int, store: str) 
 
 def plan_of(source: "Planned | str | PathLike[str]") -> "tuple[Problem, Plan, Claims | None, str]":
     """The problem and the plan of an answer or a plan file, and what the file claims. Raises `InvalidInput`."""
-    from kb.diagnostics import Diagnostic, InvalidInput
-    from kb.diagnostics import Source as Where
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+    from cellwright.kb.diagnostics import Source as Where
 
     if not isinstance(source, Planned):
-        from engine.pipelines.plan_files import claimed_in
+        from cellwright.engine.pipelines.plan_files import claimed_in
 
         return *claimed_in(Path(source)), fspath(source)
     if source.plan is None:
         raise InvalidInput(
             [Diagnostic(Where(source.problem.name), "K404", "there is no plan", source.outcome.reason)]  # type: ignore[union-attr]
         )
-    from kb.model.plan import Claims
+    from cellwright.kb.model.plan import Claims
 
     return source.problem, source.plan, Claims(dict(source.starts or {})), source.problem.name
 
@@ -209,7 +209,7 @@ class Verdict(Answer):
         from rich.console import Group
         from rich.text import Text
 
-        from engine.formats.report.findings import diagnostics
+        from cellwright.engine.formats.report.findings import diagnostics
 
         said = Text(f"{self.status}: {len(self.plan.steps)} steps, cost {self.plan.cost}")
         return Group(said, diagnostics(self.found)) if self.found else said
@@ -220,7 +220,7 @@ def validate(plan: "Planned | str | PathLike[str]", problem: Target | None = Non
 
     Raises `InvalidInput` for a file that is no plan.
     """
-    from engine.pipelines.plan_files import check_plan
+    from cellwright.engine.pipelines.plan_files import check_plan
 
     own, made, claims, name = plan_of(plan)
     asked = own if problem is None else load(problem)
@@ -242,28 +242,28 @@ class Revised(Answer):
     @property
     def status(self) -> str:
         """As of a plan."""
-        from engine.formats.report import json
+        from cellwright.engine.formats.report import json
 
         return json.status(self.outcome)
 
     def data(self) -> Mapping[str, Any]:
         """The new plan, and what of the old one was kept, dropped and added."""
-        from engine.formats.report import json
-        from engine.formats.report.revised import entry
+        from cellwright.engine.formats.report import json
+        from cellwright.engine.formats.report.revised import entry
 
         plan = json.outcome(self.outcome, self.revision.problem)
         return {**plan, "revision": entry(self.revision, self.follows)}
 
     def svg(self) -> str | None:
         """The partial order of the new plan as a picture."""
-        from engine.formats.report import svg
-        from engine.model.outcome import Found
+        from cellwright.engine.formats.report import svg
+        from cellwright.engine.model.outcome import Found
 
         found = self.outcome
         return svg.plan(found.plan, self.revision.problem) if isinstance(found, Found) else None
 
     def _renderable(self) -> "RenderableType":
-        from engine.formats.report.revised import text
+        from cellwright.engine.formats.report.revised import text
 
         return text(self.revision, self.follows)
 
@@ -284,9 +284,9 @@ def revise(
 
     `done` are steps ("1..4, 7"), `holds` and `gone` facts, `lost` tools and resources. Raises `InvalidInput`, `TimeoutError`.
     """
-    from engine.pipelines.revision.now import revised_now
-    from engine.pipelines.troubleshooting.recovery import in_sequence
-    from engine.stages.planning import Limits
+    from cellwright.engine.pipelines.revision.now import revised_now
+    from cellwright.engine.pipelines.troubleshooting.recovery import in_sequence
+    from cellwright.engine.stages.planning import Limits
 
     with limited(seconds) as over:
         problem, made, _, _ = plan_of(plan)

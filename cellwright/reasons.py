@@ -12,9 +12,9 @@ from cellwright.requests import Target, limited, load, name_of
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.model.explanation import Explanation, StepReason
-    from engine.pipelines.checking import CheckReport
-    from kb.diagnostics import Diagnostic
+    from cellwright.engine.model.explanation import Explanation, StepReason
+    from cellwright.engine.pipelines.checking import CheckReport
+    from cellwright.kb.diagnostics import Diagnostic
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,12 +30,12 @@ class Explained(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """Goals, exclusions and changes."""
-        from engine.formats.report.explanation import explanation_entry
+        from cellwright.engine.formats.report.explanation import explanation_entry
 
         return explanation_entry(self.explanation)
 
     def _renderable(self) -> "RenderableType":
-        from engine.formats.report.explanation import explanation
+        from cellwright.engine.formats.report.explanation import explanation
 
         return explanation(self.explanation)
 
@@ -49,8 +49,8 @@ def explain(
     expansions: int = 1_000_000,
 ) -> Explained:
     """Explain why there is no plan. Each change that is offered is proved by a plan. Raises `InvalidInput`, `TimeoutError`."""
-    from engine.pipelines import explanation
-    from engine.stages.planning import Limits
+    from cellwright.engine.pipelines import explanation
+    from cellwright.engine.stages.planning import Limits
 
     with limited(seconds) as over:
         problem = load(target, goals, command)
@@ -70,20 +70,20 @@ class Reason(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """Purposes and orders."""
-        from engine.formats.report.explanation import step_entry
+        from cellwright.engine.formats.report.explanation import step_entry
 
         return step_entry(self.reason)
 
     def _renderable(self) -> "RenderableType":
-        from engine.formats.report.explanation import step_reason
+        from cellwright.engine.formats.report.explanation import step_reason
 
         return step_reason(self.reason)
 
 
 def why(plan: "Planned | str | PathLike[str]", step: int) -> Reason:
     """Explain a step of a plan by its number: what it serves, up to the goals. Raises `InvalidInput`."""
-    from engine.pipelines.explanation import steps
-    from engine.stages.grounding import ground
+    from cellwright.engine.pipelines.explanation import steps
+    from cellwright.engine.stages.grounding import ground
 
     problem, made, _, name = plan_of(plan)
     return Reason(steps.why(ground(problem), made, step, name))
@@ -101,7 +101,7 @@ class Checked(Answer):
     @property
     def status(self) -> str:
         """ok, warnings or errors."""
-        from kb.diagnostics import errors
+        from cellwright.kb.diagnostics import errors
 
         found = self.report.diagnostics
         return "errors" if errors(found) else "warnings" if found else "ok"
@@ -119,7 +119,7 @@ class Checked(Answer):
         from rich.console import Group
         from rich.text import Text
 
-        from engine.formats.report.findings import diagnostics, summary
+        from cellwright.engine.formats.report.findings import diagnostics, summary
 
         found = self.report.diagnostics
         said = Text(f"{summary(found)} in {len(self.report.checked)} files")
@@ -128,6 +128,6 @@ class Checked(Answer):
 
 def check(target: Target, *, reach: bool = True) -> Checked:
     """Look for errors in a domain, its problems, cell, fault base and contact model; with `reach`, for places out of reach."""
-    from engine.pipelines import checking
+    from cellwright.engine.pipelines import checking
 
     return Checked(checking.check(name_of(target), reach))

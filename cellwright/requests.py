@@ -6,10 +6,10 @@ from contextlib import contextmanager
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, TypeAlias, Union
 
-from kb import stopping
+from cellwright.kb import stopping
 
 if TYPE_CHECKING:
-    from kb.model.problem import Problem
+    from cellwright.kb.model.problem import Problem
 
 Name: TypeAlias = Union[str, "PathLike[str]"]
 Target: TypeAlias = Union[str, "PathLike[str]", "Problem"]
@@ -20,11 +20,11 @@ def load(target: Target, goals: str = "", command: str = "") -> "Problem":
 
     `goals`, written as in a problem file, or a `command` in the words of the domain replace its own. Raises `InvalidInput`.
     """
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
-    from kb.model.problem import Problem
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.model.problem import Problem
 
     if not isinstance(target, Problem):
-        from engine.pipelines.planning import problem_of
+        from cellwright.engine.pipelines.planning import problem_of
 
         return problem_of(fspath(target), goals, command)
     if goals or command:
@@ -35,7 +35,7 @@ def load(target: Target, goals: str = "", command: str = "") -> "Problem":
 
 def name_of(target: Target) -> str:
     """The name by which what lies beside a problem is found: its cell, fault base and contact model."""
-    from kb.model.problem import Problem
+    from cellwright.kb.model.problem import Problem
 
     return target.path if isinstance(target, Problem) else fspath(target)
 

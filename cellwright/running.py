@@ -12,13 +12,13 @@ from cellwright.requests import Name, load
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.model.execution import Finish, Record
-    from engine.model.outcome import Outcome
-    from engine.pipelines.execution import Wanted
-    from engine.pipelines.results import Told as Measured
-    from engine.stages.planning import Limits
-    from kb.model.problem import Problem
-    from kb.store.journal import Begun
+    from cellwright.engine.model.execution import Finish, Record
+    from cellwright.engine.model.outcome import Outcome
+    from cellwright.engine.pipelines.execution import Wanted
+    from cellwright.engine.pipelines.results import Told as Measured
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.model.problem import Problem
+    from cellwright.kb.store.journal import Begun
 
 Watch = Callable[["Record"], None]
 OrderName = Literal[
@@ -36,7 +36,7 @@ class Ran(Answer):
     @property
     def finish(self) -> "Finish | None":
         """The end of the run: its name, goals, what was given up, times, and the story of each exception. None without a plan."""
-        from engine.model.execution import Finish
+        from cellwright.engine.model.execution import Finish
 
         return self.ending if isinstance(self.ending, Finish) else None
 
@@ -48,19 +48,19 @@ class Ran(Answer):
     @property
     def status(self) -> str:
         """reached, partly, stopped, aborted or paused; infeasible or gave up without a plan."""
-        from engine.formats.report import json
-        from engine.model.execution import Finish
+        from cellwright.engine.formats.report import json
+        from cellwright.engine.model.execution import Finish
 
         return self.ending.outcome if isinstance(self.ending, Finish) else json.status(self.ending)
 
     def data(self) -> Mapping[str, Any]:
         """The ending as data."""
-        from engine.formats.report import execution
+        from cellwright.engine.formats.report import execution
 
         return execution.entry(self.finish) if self.finish else {"reason": getattr(self.ending, "reason", "")}
 
     def _renderable(self) -> "RenderableType":
-        from engine.formats.report import execution
+        from cellwright.engine.formats.report import execution
 
         if self.finish:
             return execution.text(self.finish, self.store)
@@ -89,9 +89,9 @@ def run(
     `factor` is the share of real time that simulated time takes. `watch` is called with each record when it is on the disk.
     Other processes and threads tell the run what to do (`tell`). Raises `InvalidInput`.
     """
-    from engine.pipelines.execution import Wanted, listed
-    from engine.stages.planning import Limits
-    from kb.store.own import default_store
+    from cellwright.engine.pipelines.execution import Wanted, listed
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.store.own import default_store
 
     problem, where = load(target, goals, command), fspath(store) or default_store()
     given = dict(options or {}) | ({"fault": "; ".join(faults)} if faults else {})
@@ -103,12 +103,12 @@ def run(
 def _begun(
     wanted: "Wanted", problem: "Problem", motion: bool, watch: Watch | None, limits: "Limits"
 ) -> "Finish | Outcome":
-    from engine.pipelines.execution import Scope, begin
-    from engine.pipelines.execution.channel import Channel
+    from cellwright.engine.pipelines.execution import Scope, begin
+    from cellwright.engine.pipelines.execution.channel import Channel
 
     table = scope = None
     if motion:
-        from engine.pipelines.objective import plan
+        from cellwright.engine.pipelines.objective import plan
 
         moving = moved(wanted.target, problem, lambda each: plan(each, limits), wanted.seed, wanted.store)
         table, scope = moving.run.timetable, Scope(moving.problem, moving.given_up)
@@ -124,10 +124,10 @@ def resume(
     run: str, *, store: Name = "", watch: Watch | None = None, expansions: int = 1_000_000, seed: int = 0
 ) -> Ran:
     """Go on with a run after a stop, a pause or a crash; no command is carried out twice. Raises `InvalidInput`."""
-    from engine.pipelines import execution
-    from engine.pipelines.execution.channel import Channel
-    from engine.stages.planning import Limits
-    from kb.store.own import default_store
+    from cellwright.engine.pipelines import execution
+    from cellwright.engine.pipelines.execution.channel import Channel
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.store.own import default_store
 
     where = fspath(store) or default_store()
     with Channel(run, where) as channel:
@@ -141,8 +141,8 @@ def tell(run: str, order: OrderName, text: str = "", *, store: Name = "") -> Map
     `text` is the step of skip and back, the facts of correct, the answer of answer and the command of add. Raises
     `InvalidInput` if nobody carries the run out, or if it refuses the order.
     """
-    from engine.pipelines.execution import channel
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.engine.pipelines.execution import channel
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     state = channel.tell(run, order, text, fspath(store))
     if why := state.get("refused"):
@@ -152,8 +152,8 @@ def tell(run: str, order: OrderName, text: str = "", *, store: Name = "") -> Map
 
 def runs(*, store: Name = "") -> "tuple[Begun, ...]":
     """The runs of a store: their names, when they began, and what was asked."""
-    from engine.pipelines.results import runs_in
-    from kb.store.own import default_store
+    from cellwright.engine.pipelines.results import runs_in
+    from cellwright.kb.store.own import default_store
 
     return runs_in(fspath(store) or default_store())
 
@@ -162,11 +162,11 @@ def results(run: str, *, store: Name = "") -> "Told[Measured]":
     """What a run has measured, with verdicts, and the history of each object. Raises `InvalidInput` for an unknown run."""
     from rich.console import Group
 
-    from engine.formats.interop.results.notation import entry
-    from engine.formats.report import results as report
-    from engine.formats.report import survey
-    from engine.pipelines.results import survey_of
-    from kb.store.own import default_store
+    from cellwright.engine.formats.interop.results.notation import entry
+    from cellwright.engine.formats.report import results as report
+    from cellwright.engine.formats.report import survey
+    from cellwright.engine.pipelines.results import survey_of
+    from cellwright.kb.store.own import default_store
 
     def content(told: "Measured") -> Mapping[str, Any]:
         return entry(told.results) | ({} if told.survey is None else {"survey": survey.entry(told.survey)})

@@ -13,16 +13,16 @@ from cellwright.requests import Name, Target, limited, load
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.formats.report.timetables import Timed
-    from engine.model.outcome import GaveUp, Infeasible
-    from engine.model.schedule import Schedule, Timetable
-    from engine.model.shop import Shop
-    from engine.model.tour import Tour
-    from engine.pipelines.inspection.visits import Visits
-    from engine.stages.planning import Limits
-    from engine.stages.scheduling.limits import ScheduleLimits
-    from kb.model.plan import StepId
-    from kb.model.problem import Problem
+    from cellwright.engine.formats.report.timetables import Timed
+    from cellwright.engine.model.outcome import GaveUp, Infeasible
+    from cellwright.engine.model.schedule import Schedule, Timetable
+    from cellwright.engine.model.shop import Shop
+    from cellwright.engine.model.tour import Tour
+    from cellwright.engine.pipelines.inspection.visits import Visits
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.engine.stages.scheduling.limits import ScheduleLimits
+    from cellwright.kb.model.plan import StepId
+    from cellwright.kb.model.problem import Problem
 
 
 @dataclass(frozen=True, repr=False)
@@ -34,7 +34,7 @@ class Scheduled(Answer):
     @property
     def timed(self) -> "Timed | None":
         """The schedule with all that belongs to it; None if there is none."""
-        from engine.formats.report.timetables import Timed
+        from cellwright.engine.formats.report.timetables import Timed
 
         return self.found if isinstance(self.found, Timed) else None
 
@@ -52,13 +52,13 @@ class Scheduled(Answer):
     @property
     def status(self) -> str:
         """optimal, found, infeasible, gave up or stopped."""
-        from engine.formats.report import json
+        from cellwright.engine.formats.report import json
 
         return self.timed.status if self.timed else json.status(self._none)
 
     @property
     def _none(self) -> "Infeasible | GaveUp":
-        from engine.formats.report.timetables import Timed
+        from cellwright.engine.formats.report.timetables import Timed
 
         if isinstance(self.found, Timed):
             raise TypeError("there is a schedule")
@@ -66,18 +66,18 @@ class Scheduled(Answer):
 
     def data(self) -> Mapping[str, Any]:
         """The schedule, or the reason why there is none."""
-        from engine.formats.report.timetables import content
+        from cellwright.engine.formats.report.timetables import content
 
         return content(self.timed) if self.timed else {"reason": self._none.reason}
 
     def svg(self) -> str | None:
         """The schedule as a Gantt chart."""
-        from engine.formats.report.timetables import chart
+        from cellwright.engine.formats.report.timetables import chart
 
         return chart(self.timed) if self.timed else None
 
     def _renderable(self) -> "RenderableType":
-        from engine.formats.report.timetables import text
+        from cellwright.engine.formats.report.timetables import text
 
         return text(self.timed) if self.timed else f"No schedule: {self._none.reason}."
 
@@ -99,9 +99,9 @@ def schedule(
     `instance` chooses one of a file of several job shops. `work` is about seconds of one core; the same work of one worker
     gives the same answer. Raises `InvalidInput`, `TimeoutError`.
     """
-    from engine.formats.interop.shops import shop_of
-    from engine.stages.planning import Limits
-    from engine.stages.scheduling.limits import ScheduleLimits
+    from cellwright.engine.formats.interop.shops import shop_of
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.engine.stages.scheduling.limits import ScheduleLimits
 
     with limited(seconds) as over:
         limits = ScheduleLimits(work, seed, workers, over)
@@ -115,9 +115,9 @@ def schedule(
 
 
 def _of_shop(shop: "Shop", limits: "ScheduleLimits") -> Scheduled:
-    from engine.formats.report.timetables import Timed
-    from engine.model.schedule import Scheduled as Made
-    from engine.stages import scheduling
+    from cellwright.engine.formats.report.timetables import Timed
+    from cellwright.engine.model.schedule import Scheduled as Made
+    from cellwright.engine.stages import scheduling
 
     found = scheduling.schedule(shop, limits)
     return Scheduled(Timed(shop, found.schedule, found.statistics) if isinstance(found, Made) else found)
@@ -126,7 +126,7 @@ def _of_shop(shop: "Shop", limits: "ScheduleLimits") -> Scheduled:
 def _timetable(
     target: "Planned | Target", wanted: tuple[str, str], planning: "Limits", limits: "ScheduleLimits"
 ) -> "tuple[Problem, Timetable | Infeasible | GaveUp]":
-    from engine.pipelines import objective, timetable
+    from cellwright.engine.pipelines import objective, timetable
 
     if isinstance(target, Planned):
         problem, plan, _, _ = plan_of(target)
@@ -140,8 +140,8 @@ def _timetable(
 
 
 def _of_plan(problem: "Problem", made: "Timetable | Infeasible | GaveUp") -> Scheduled:
-    from engine.formats.report.timetables import of_plan
-    from engine.model.schedule import Timetable
+    from cellwright.engine.formats.report.timetables import of_plan
+    from cellwright.engine.model.schedule import Timetable
 
     return Scheduled(of_plan(made, problem) if isinstance(made, Timetable) else made)
 
@@ -156,7 +156,7 @@ class Toured(Answer):
     @property
     def tour(self) -> "Tour | None":
         """The tour: order, cost, bound; None if there is none."""
-        from engine.model.tour import Tour
+        from cellwright.engine.model.tour import Tour
 
         return self.found if isinstance(self.found, Tour) else None
 
@@ -169,29 +169,29 @@ class Toured(Answer):
     @property
     def status(self) -> str:
         """optimal, found, infeasible, gave up or stopped."""
-        from engine.formats.report import json
-        from engine.model.tour import Tour
+        from cellwright.engine.formats.report import json
+        from cellwright.engine.model.tour import Tour
 
         found = self.found
         return ("optimal" if found.proved else "found") if isinstance(found, Tour) else json.status(found)
 
     def data(self) -> Mapping[str, Any]:
         """The tour, or the reason why there is none."""
-        from engine.formats.report.toured import content
-        from engine.model.tour import Tour
+        from cellwright.engine.formats.report.toured import content
+        from cellwright.engine.model.tour import Tour
 
         found = self.found
         return content(found, self.visits) if isinstance(found, Tour) else {"reason": found.reason}
 
     def svg(self) -> str | None:
         """The tour on the points; None if they have no positions."""
-        from engine.formats.report import tour_svg
+        from cellwright.engine.formats.report import tour_svg
 
         return tour_svg.picture(self.tour, self.visits.tours) if self.tour else None
 
     def _renderable(self) -> "RenderableType":
-        from engine.formats.report.toured import text
-        from engine.model.tour import Tour
+        from cellwright.engine.formats.report.toured import text
+        from cellwright.engine.model.tour import Tour
 
         found = self.found
         return text(found, self.visits) if isinstance(found, Tour) else f"No tour: {found.reason}."
@@ -216,9 +216,9 @@ def sequence(
     `windows` say when visits may begin ("m3=10..90"), `lasts` how long they take ("m3=4"), `before` which order some keep
     ("m1, m2"). `work` 0 fits the number of visits. Raises `InvalidInput`, `TimeoutError`.
     """
-    from engine.formats.interop.visits import visits_of
-    from engine.stages import sequencing
-    from kb.diagnostics import InvalidInput, Source, unknown_name
+    from cellwright.engine.formats.interop.visits import visits_of
+    from cellwright.engine.stages import sequencing
+    from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
     if method not in sequencing.METHODS:
         raise InvalidInput([unknown_name("method", method, set(sequencing.METHODS), Source("method"))])

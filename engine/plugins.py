@@ -7,14 +7,14 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from engine.ports import ContactFilter, Driver, DriverSetup, GeometryBackend
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.engine.ports import ContactFilter, Driver, DriverSetup, GeometryBackend
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
 if TYPE_CHECKING:
-    from kb.model.contacts import ContactModel
+    from cellwright.kb.model.contacts import ContactModel
 
 GEOMETRY = "cellwright.geometry"
-OWN_GEOMETRY = "engine.stages.geometry.collision.builtin"
+OWN_GEOMETRY = "cellwright.engine.stages.geometry.collision.builtin"
 CONTACT_FILTERS = "cellwright.contact_filters"
 DRIVERS = "cellwright.drivers"
 

@@ -1,17 +1,17 @@
-"""The replaceable parts of the engine, as Protocols. `engine.plugins` finds their implementations."""
+"""The replaceable parts of the engine, as Protocols. `cellwright.engine.plugins` finds their implementations."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from engine.model.geometry import Contact, Floats, Scene, Truths
+from cellwright.engine.model.geometry import Contact, Floats, Scene, Truths
 
 if TYPE_CHECKING:
-    from engine.kernels.geometry.edges import Edges
-    from engine.kernels.geometry.proof import Proof
-    from engine.model.execution import Command, Message, Report
-    from kb.model.octuples import Octuple
-    from kb.model.problem import Problem
+    from cellwright.engine.kernels.geometry.edges import Edges
+    from cellwright.engine.kernels.geometry.proof import Proof
+    from cellwright.engine.model.execution import Command, Message, Report
+    from cellwright.kb.model.octuples import Octuple
+    from cellwright.kb.model.problem import Problem
 
 
 class CollisionChecker(Protocol):

@@ -7,7 +7,7 @@ clingo evaluates.
 
 from collections.abc import Callable, Iterable
 
-from kb.terms import PLAIN, Atom, Function, Number, Operation, Term, Text, form_of
+from cellwright.kb.terms import PLAIN, Atom, Function, Number, Operation, Term, Text, form_of
 
 BITS = 32  # bits of clingo's integers; larger values wrap around
 

@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
 MAX_BYTES = 64 * 2**20  # of a file that people write, or that an import writes for them
 EXCERPT = 160  # characters of a line shown in a message

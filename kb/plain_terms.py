@@ -7,7 +7,7 @@ times, texts, very long or deep terms, and errors, so that only they say what is
 import functools
 import re
 
-from kb.terms import Function, Number, Term, Variable
+from cellwright.kb.terms import Function, Number, Term, Variable
 
 LONGEST = 2_000  # characters; a longer text is left to others
 DEEPEST = 20  # brackets in brackets

@@ -4,11 +4,11 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import is_file, is_folder, is_there, similar
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.files import is_file, is_folder, is_there, similar
 
 if TYPE_CHECKING:
-    from kb.model.domain import Domain
+    from cellwright.kb.model.domain import Domain
 
 DOMAIN_FILE = "domain.yaml"
 CELL_FILE = "cell.yaml"

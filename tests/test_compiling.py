@@ -17,22 +17,24 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CELLWRIGHT_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(compiling, "compiler", lambda: "system")
-    (tmp_path / "engine").mkdir()
-    (tmp_path / "engine" / "loop.py").write_text("def loop(): pass\n")
-    (tmp_path / "engine" / "loop.pxd").write_text("cpdef void loop()\n")
-    (tmp_path / "engine" / "other.pxd").write_text("cdef struct Other:\n    int n\n")
-    return tmp_path / "engine"
+    (tmp_path / "cellwright" / "engine").mkdir(parents=True)
+    (tmp_path / "cellwright" / "engine" / "loop.py").write_text("def loop(): pass\n")
+    (tmp_path / "cellwright" / "engine" / "loop.pxd").write_text("cpdef void loop()\n")
+    (tmp_path / "cellwright" / "engine" / "other.pxd").write_text("cdef struct Other:\n    int n\n")
+    return tmp_path / "cellwright" / "engine"
 
 
 def kept() -> Path:
     folder = compiling.cache()
     assert folder is not None
-    return compiling._kept(folder, [Extension("engine.loop", ["engine/loop.py"])])["engine.loop"]
+    return compiling._kept(folder, [Extension("cellwright.engine.loop", ["cellwright/engine/loop.py"])])[
+        "cellwright.engine.loop"
+    ]
 
 
 def test_the_same_source_has_the_same_place(sources: Path) -> None:
     assert kept() == kept()
-    assert kept().parent == sources.parent / "cache" / "kernels"
+    assert kept().parent == sources.parents[1] / "cache" / "kernels"
 
 
 @pytest.mark.parametrize("changed", ["loop.py", "loop.pxd", "other.pxd", "new.h"])

@@ -8,7 +8,7 @@ Plain Python, compiled with the types in `axioms.pxd`. A state is a row of bytes
 from array import array
 from collections.abc import Sequence
 
-from engine.kernels.rows import rows
+from cellwright.engine.kernels.rows import rows
 
 
 class Closure:

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
+from cellwright.engine.kernels.arrays import Floats
 
 
 def matmul(first: Floats, *others: Floats) -> Floats:

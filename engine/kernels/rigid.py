@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry.angles import angles_of, sines_cosines
-from engine.kernels.linear import matmul
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.geometry.angles import angles_of, sines_cosines
+from cellwright.engine.kernels.linear import matmul
 
 
 def translation(x: float, y: float, z: float) -> Floats:

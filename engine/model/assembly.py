@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
 
-from engine.model.geometry import Floats
+from cellwright.engine.model.geometry import Floats
 
 
 class FeatureKind(Enum):

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
-from engine.kernels.axioms import Closure, Upkeep
-from engine.kernels.bits import Bits, bitset, indices
-from engine.kernels.sums import Comparisons
-from engine.model.quantities import RELATIONS, Assignment, Comparing, Met, helps, values_of
+from cellwright.engine.kernels.axioms import Closure, Upkeep
+from cellwright.engine.kernels.bits import Bits, bitset, indices
+from cellwright.engine.kernels.sums import Comparisons
+from cellwright.engine.model.quantities import RELATIONS, Assignment, Comparing, Met, helps, values_of
 
 Compiled: TypeAlias = tuple[
     int, list[int], list[list[int]], list[int], list[list[tuple[int, int]]], list[int]

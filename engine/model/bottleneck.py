@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Term
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Term
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from engine.model.troubleshooting import Advice, Troubleshooting
-from kb.model.plan import Step
-from kb.terms import Atom
+from cellwright.engine.model.troubleshooting import Advice, Troubleshooting
+from cellwright.kb.model.plan import Step
+from cellwright.kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)

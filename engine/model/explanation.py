@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from kb.model.plan import CausalLink, Step
-from kb.terms import Atom
+from cellwright.kb.model.plan import CausalLink, Step
+from cellwright.kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from engine.kernels.rigid import skew
-from engine.model.geometry import Floats, Truths
+from cellwright.engine.kernels.rigid import skew
+from cellwright.engine.model.geometry import Floats, Truths
 
 
 class Shape(StrEnum):

@@ -5,7 +5,7 @@ Start times are a forecast. A plan promises only the order between its steps.
 
 from collections.abc import Mapping
 
-from kb.model.plan import Plan, StepId
+from cellwright.kb.model.plan import Plan, StepId
 
 
 def earliest_starts(plan: Plan) -> dict[StepId, int]:

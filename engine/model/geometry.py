@@ -7,9 +7,9 @@ arms, and bodies that move freely.
 
 from dataclasses import dataclass, field
 
-from engine.kernels.arrays import Floats as Floats
-from engine.kernels.arrays import Longs as Longs
-from engine.kernels.arrays import Truths as Truths
+from cellwright.engine.kernels.arrays import Floats as Floats
+from cellwright.engine.kernels.arrays import Longs as Longs
+from cellwright.engine.kernels.arrays import Truths as Truths
 
 
 @dataclass(frozen=True, slots=True, eq=False)

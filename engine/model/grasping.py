@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from engine.model.geometry import Floats, Truths
+from cellwright.engine.model.geometry import Floats, Truths
 
 
 @dataclass(frozen=True, slots=True)

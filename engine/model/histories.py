@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from engine.model.forecast import earliest_starts
-from engine.model.stages import STAGE, stage_atom
-from kb.model.plan import START, Plan, StepId
-from kb.model.problem import Chain, Problem
-from kb.terms import Atom, Term, Text
+from cellwright.engine.model.forecast import earliest_starts
+from cellwright.engine.model.stages import STAGE, stage_atom
+from cellwright.kb.model.plan import START, Plan, StepId
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import Atom, Term, Text
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,11 @@
 
 from collections.abc import Collection
 
-from kb.model.conditions import Condition, Literal, goal_parts
-from kb.model.conditions import literals as literals_of
-from kb.model.domain import Domain
-from kb.model.problem import Problem
-from kb.terms import Function, Term
+from cellwright.kb.model.conditions import Condition, Literal, goal_parts
+from cellwright.kb.model.conditions import literals as literals_of
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term
 
 
 def chooses_tools(domain: Domain) -> bool:

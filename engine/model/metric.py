@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Ints, Longs
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs
 
 PI, RADIUS_KM = 3.141592, 6378.388  # as TSPLIB prescribes
 MICROMETRES = 1e6

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
 
-from engine.model.geometry import Contact, Floats
+from cellwright.engine.model.geometry import Contact, Floats
 
 FINEST_M = 1e-4  # a motion so small need not be halved for a proof
 

@@ -5,9 +5,9 @@ from enum import Enum
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from kb.model.plan import StepId
-from kb.terms import Atom, Function
+from cellwright.engine.model.geometry import Floats
+from cellwright.kb.model.plan import StepId
+from cellwright.kb.terms import Atom, Function
 
 
 class LegKind(Enum):

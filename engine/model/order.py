@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from kb.model.plan import StepId
+from cellwright.kb.model.plan import StepId
 
 
 @dataclass(frozen=True, slots=True)

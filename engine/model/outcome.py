@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from kb.model.plan import Plan
-from kb.terms import Function
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.terms import Function
 
 
 @dataclass(frozen=True, slots=True)

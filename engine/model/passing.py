@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from kb.model.plan import StepId
+from cellwright.kb.model.plan import StepId
 
 Pair = tuple[StepId, StepId]
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from engine.model.geometry import Floats
-from kb.model.cell import Patch
+from cellwright.engine.model.geometry import Floats
+from cellwright.kb.model.cell import Patch
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 

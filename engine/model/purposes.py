@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from engine.model.stages import stage_atom
-from kb.model.plan import GOAL, Plan, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.model.stages import stage_atom
+from cellwright.kb.model.plan import GOAL, Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 
 def purposes(problem: Problem, plan: Plan) -> dict[StepId, dict[str, list[str]]]:

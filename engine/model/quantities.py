@@ -8,8 +8,8 @@ from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from engine.kernels.bits import Bits, indices
-from kb.terms import Atom, Function, Number
+from cellwright.engine.kernels.bits import Bits, indices
+from cellwright.kb.terms import Atom, Function, Number
 
 RELATED: dict[str, Callable[[int], bool]] = {
     "=": lambda value: value == 0,

@@ -8,9 +8,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.vision import Camera
-from kb.model.ranging import Ranging
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.vision import Camera
+from cellwright.kb.model.ranging import Ranging
 
 
 def picture_of(tool: Ranging) -> Camera:

@@ -7,9 +7,9 @@ here each internal operator stands just behind the step that makes it possible, 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from engine.model.stages import ENDS, MEETS, REACHES, STAGE
-from engine.model.task import Bits, GroundOperator, Task, bitset, progress
-from kb.terms import Function
+from cellwright.engine.model.stages import ENDS, MEETS, REACHES, STAGE
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, progress
+from cellwright.kb.terms import Function
 
 Instances = Mapping[Function, list[GroundOperator]]
 

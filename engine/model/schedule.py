@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from engine.model.outcome import GaveUp, Infeasible, Statistics
-from engine.model.shop import Changeover, Hold, Shop
-from engine.model.stays import Overstay
-from kb.model.plan import Plan, StepId
+from cellwright.engine.model.outcome import GaveUp, Infeasible, Statistics
+from cellwright.engine.model.shop import Changeover, Hold, Shop
+from cellwright.engine.model.stays import Overstay
+from cellwright.kb.model.plan import Plan, StepId
 
 
 @dataclass(frozen=True, slots=True)

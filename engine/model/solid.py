@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.geometry import Floats, Longs, Truths
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,8 +3,8 @@
 A stage that is a fluent is reached by an internal operator of the task, where the fluent holds.
 """
 
-from kb.model.problem import Chain
-from kb.terms import Atom, Function, Number, Text
+from cellwright.kb.model.problem import Chain
+from cellwright.kb.terms import Atom, Function, Number, Text
 
 STAGE = "_stage"
 REACHES = "_reaches"

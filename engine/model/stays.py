@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from kb.model.plan import StepId
+from cellwright.kb.model.plan import StepId
 
 LISTED = 6  # things that are named
 

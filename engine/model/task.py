@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from engine.kernels.bits import Bits as Bits
-from engine.kernels.bits import bitset as bitset
-from engine.kernels.bits import indices as indices
-from engine.model.axioms import Axioms
-from engine.model.quantities import Assignment, changed
-from kb.terms import Atom, Function, Term
+from cellwright.engine.kernels.bits import Bits as Bits
+from cellwright.engine.kernels.bits import bitset as bitset
+from cellwright.engine.kernels.bits import indices as indices
+from cellwright.engine.model.axioms import Axioms
+from cellwright.engine.model.quantities import Assignment, changed
+from cellwright.kb.terms import Atom, Function, Term
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from kb.model.contacts import ContactModel, Restriction
-from kb.model.octuples import Octuple
+from cellwright.kb.model.contacts import ContactModel, Restriction
+from cellwright.kb.model.octuples import Octuple
 
 
 @dataclass(frozen=True, slots=True)

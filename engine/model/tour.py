@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.arrays import Floats as Floats
-from engine.kernels.arrays import Ints
-from engine.kernels.arrays import Longs as Longs
-from engine.model.metric import Metric
-from engine.model.windows import Window
+from cellwright.engine.kernels.arrays import Floats as Floats
+from cellwright.engine.kernels.arrays import Ints
+from cellwright.engine.kernels.arrays import Longs as Longs
+from cellwright.engine.model.metric import Metric
+from cellwright.engine.model.windows import Window
 
 ENDLESS = 2**40  # the end of a window that has none: later than any tour
 

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from kb.model.conformity import COVERAGE, RISK, Conformity, conformity
-from kb.model.results import Measured
+from cellwright.kb.model.conformity import COVERAGE, RISK, Conformity, conformity
+from cellwright.kb.model.results import Measured
 
 
 @dataclass(frozen=True, slots=True)

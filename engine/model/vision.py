@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from engine.model.geometry import Floats
+from cellwright.engine.model.geometry import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from engine.model.measurements import measurements_of, named
-from engine.model.stays import Overstay, lines
-from kb.model.conditions import Literal
-from kb.model.plan import GOAL, START, Plan, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Number, Term
+from cellwright.engine.model.measurements import measurements_of, named
+from cellwright.engine.model.stays import Overstay, lines
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.plan import GOAL, START, Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Number, Term
 
 Window = tuple[int, int]  # earliest and latest beginning, in the unit of the costs
 Pair = tuple[str, str]  # the first measurement is asked for before the second

@@ -10,17 +10,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from engine.model.outcome import Found, Infeasible, Outcome
-from engine.model.task import Task
-from engine.pipelines import planning
-from engine.pipelines.each import for_each
-from engine.stages.grounding import ground, ground_parts, separable
-from engine.stages.grounding.goals import Parted
-from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
-from kb.model.conditions import And, Condition, goal_parts
-from kb.model.problem import Chain, Problem
-from kb.model.workflow import allowed, events_of
+from cellwright.engine.model.outcome import Found, Infeasible, Outcome
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.each import for_each
+from cellwright.engine.stages.grounding import ground, ground_parts, separable
+from cellwright.engine.stages.grounding.goals import Parted
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import plan as plan_task
+from cellwright.kb.model.conditions import And, Condition, goal_parts
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.workflow import allowed, events_of
 
 NOTHING_MORE = "no goal that is still open can be reached"
 IN_ANY_CASE = "it cannot be reached from this state, whatever is done"

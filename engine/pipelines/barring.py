@@ -8,13 +8,13 @@ lost from one place to another: a gripper takes a broken plate off the shaker.
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
-from engine.stages.macros.lifted.deduction import Following, NotGeneral
-from engine.stages.macros.lifted.schema import OperatorSchema, Schemas
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import And, Comparison, Condition, Literal, Or
-from kb.model.domain import Operator
-from kb.model.problem import Problem
-from kb.terms import Function, Term, Variable
+from cellwright.engine.stages.macros.lifted.deduction import Following, NotGeneral
+from cellwright.engine.stages.macros.lifted.schema import OperatorSchema, Schemas
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import And, Comparison, Condition, Literal, Or
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term, Variable
 
 
 def barred(problem: Problem, lost: Collection[str] = (), blocked: Collection[Function] = ()) -> Problem:

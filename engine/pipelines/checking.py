@@ -4,28 +4,28 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.model.stages import stage_atom
-from engine.model.task import Task
-from engine.pipelines import measuring
-from engine.pipelines.inspection.demands import findings_of
-from engine.pipelines.plan_files import generated_if_bare
-from engine.pipelines.task_space import Wanted, space_of
-from engine.plugins import geometry_backend
-from engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators
-from kb.check import check_domain, unreachable
-from kb.check.alike import fewer
-from kb.check.faults import check_faults
-from kb.check.start import crowded, hopeless
-from kb.diagnostics import Diagnostic, InvalidInput, in_order
-from kb.files import is_there
-from kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, Loaded, find, load, problem_files
-from kb.loader.amounts import standing
-from kb.loader.domain import as_written
-from kb.loader.faults import FAULTS_FILE, load_faults
-from kb.model.domain import Domain
-from kb.model.problem import Problem
-from kb.targets import BUNDLED, DEVICES
-from kb.terms import Atom
+from cellwright.engine.model.stages import stage_atom
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines import measuring
+from cellwright.engine.pipelines.inspection.demands import findings_of
+from cellwright.engine.pipelines.plan_files import generated_if_bare
+from cellwright.engine.pipelines.task_space import Wanted, space_of
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators
+from cellwright.kb.check import check_domain, unreachable
+from cellwright.kb.check.alike import fewer
+from cellwright.kb.check.faults import check_faults
+from cellwright.kb.check.start import crowded, hopeless
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, in_order
+from cellwright.kb.files import is_there
+from cellwright.kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, Loaded, find, load, problem_files
+from cellwright.kb.loader.amounts import standing
+from cellwright.kb.loader.domain import as_written
+from cellwright.kb.loader.faults import FAULTS_FILE, load_faults
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import BUNDLED, DEVICES
+from cellwright.kb.terms import Atom
 
 UNNEEDED = ("K304", "K309", "K310", "K605")
 
@@ -107,7 +107,7 @@ def _checked_cell(
     cell: Path, domain: Domain, reach: bool, atoms: Collection[Atom], located: Collection[str]
 ) -> list[Diagnostic]:
     """The errors in a cell. Geometry is imported only for domains that have a cell."""
-    from engine.stages.geometry.reach.checking import check_cell
+    from cellwright.engine.stages.geometry.reach.checking import check_cell
 
     return check_cell(cell, domain, geometry_backend if reach else None, atoms, located)
 
@@ -146,7 +146,7 @@ def _happening(domain: Domain) -> frozenset[str]:
 
 def _checked_contacts(domain: Path) -> list[Diagnostic]:
     """The errors in the contact model beside a domain, and whether its filters let the start pass."""
-    from kb.loader.contacts import load_contacts
+    from cellwright.kb.loader.contacts import load_contacts
 
     try:
         model, warnings = load_contacts(domain)

@@ -4,13 +4,13 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import And, Comparison, Condition, ForAll, Literal, Not, Or, goal_parts
-from kb.model.domain import Kind
-from kb.model.problem import Problem
-from kb.terms import Term, Variable, natural_key, substitute, substitute_atom
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import And, Comparison, Condition, ForAll, Literal, Not, Or, goal_parts
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term, Variable, natural_key, substitute, substitute_atom
 
 MOST = 1_000  # goals that one goal may become
 

@@ -9,18 +9,18 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from engine.pipelines.checking import check
-from engine.stages.grounding import ground
-from kb.asp.excerpt import excerpt
-from kb.check.faults import check_faults
-from kb.diagnostics import Diagnostic, InvalidInput, in_order
-from kb.files import is_file, reading
-from kb.loader import CELL_FILE, CONTACTS_FILE, load, problem_files
-from kb.loader.faults import FAULTS_FILE, load_faults
-from kb.loader.uses import read_device
-from kb.model.domain import Domain
-from kb.model.problem import Problem
-from kb.targets import DEVICE_FILE
+from cellwright.engine.pipelines.checking import check
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.asp.excerpt import excerpt
+from cellwright.kb.check.faults import check_faults
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, in_order
+from cellwright.kb.files import is_file, reading
+from cellwright.kb.loader import CELL_FILE, CONTACTS_FILE, load, problem_files
+from cellwright.kb.loader.faults import FAULTS_FILE, load_faults
+from cellwright.kb.loader.uses import read_device
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import DEVICE_FILE
 
 MAX_ATOMS = 20_000  # of a ground problem in which examples are looked for
 
@@ -96,13 +96,13 @@ def _faults(domain: Path) -> list[Diagnostic]:
 
 
 def _contacts(domain: Path) -> list[Diagnostic]:
-    from kb.loader.contacts import load_contacts
+    from cellwright.kb.loader.contacts import load_contacts
 
     return list(load_contacts(domain)[1])
 
 
 def _cell(domain: Path) -> list[Diagnostic]:
-    from engine.stages.geometry.reach.checking import check_cell
+    from cellwright.engine.stages.geometry.reach.checking import check_cell
 
     return list(check_cell(domain.with_name(CELL_FILE), load(domain).domain, None, (), ()))
 

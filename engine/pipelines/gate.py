@@ -4,12 +4,12 @@ A gate keeps the evaluated static facts of the last few cells, so that the next 
 milliseconds. It does not decide what happens to a plan that is refused: that is left to its caller.
 """
 
-from engine.stages.validation import findings
-from engine.stages.validation.changes import State
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.model.plan import Plan, in_sequence
-from kb.model.problem import Problem
+from cellwright.engine.stages.validation import findings
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.model.plan import Plan, in_sequence
+from cellwright.kb.model.problem import Problem
 
 CELLS = 8  # the number of cells whose static facts are kept
 UNSHOWN = (

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from engine.model.outcome import Found, GaveUp, Infeasible
-from engine.model.schedule import Timetable
-from engine.model.task import Task
-from engine.pipelines.gate import accepted
-from engine.pipelines.planning import in_the_order_named
-from engine.pipelines.timetable import (
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.gate import accepted
+from cellwright.engine.pipelines.planning import in_the_order_named
+from cellwright.engine.pipelines.timetable import (
     by_other_means,
     keeping,
     own_order,
@@ -16,14 +16,14 @@ from engine.pipelines.timetable import (
     value_of,
     without_spares,
 )
-from engine.pipelines.timetable.kept import LONG
-from engine.pipelines.timetable.orders import least_makespan
-from engine.pipelines.turns import in_turn
-from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
-from engine.stages.scheduling import ScheduleLimits
-from kb.model.plan import Plan
-from kb.model.problem import Problem
+from cellwright.engine.pipelines.timetable.kept import LONG
+from cellwright.engine.pipelines.timetable.orders import least_makespan
+from cellwright.engine.pipelines.turns import in_turn
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import plan as plan_task
+from cellwright.engine.stages.scheduling import ScheduleLimits
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
 
 WORK = 3.0  # of the solver, about seconds of one core
 CHOOSING = 2.0  # at most of it, and a sixth, spent on other means

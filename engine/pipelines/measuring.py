@@ -4,14 +4,14 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from kb.asp import AspError, ground_term
-from kb.diagnostics import Diagnostic
-from kb.loader.amounts import amounts_of
-from kb.model.amounts import Amounts, NoAmount, NotTold, asked
-from kb.model.domain import Domain, Measure, Operator
-from kb.model.problem import Problem
-from kb.model.results import Measured
-from kb.terms import Function, Number, Substitution, Term, Text, Variable, match, substitute
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.amounts import Amounts, NoAmount, NotTold, asked
+from cellwright.kb.model.domain import Domain, Measure, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured
+from cellwright.kb.terms import Function, Number, Substitution, Term, Text, Variable, match, substitute
 
 
 @dataclass(frozen=True, slots=True)

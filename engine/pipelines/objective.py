@@ -10,19 +10,19 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from engine.model.measurements import is_put_in_order
-from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
-from engine.model.task import Task
-from engine.pipelines.planning import in_the_order_named, planned, task_for
-from engine.stages.grounding.limits import size
-from engine.stages.planning import Limits
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Problem
+from cellwright.engine.model.measurements import is_put_in_order
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.planning import in_the_order_named, planned, task_for
+from cellwright.engine.stages.grounding.limits import size
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.problem import Problem
 
 if TYPE_CHECKING:  # schedules take a while to load, and only plans whose steps take time have one
-    from engine.model.schedule import Timetable
-    from engine.pipelines.parts import Itinerary, Memory
-    from engine.stages.scheduling import ScheduleLimits
+    from cellwright.engine.model.schedule import Timetable
+    from cellwright.engine.pipelines.parts import Itinerary, Memory
+    from cellwright.engine.stages.scheduling import ScheduleLimits
 
 SMALL = 500  # instances of operators of a problem whose sequence the planner may prove to be cheapest
 
@@ -88,14 +88,14 @@ def sequenced(
     """
     if not is_put_in_order(problem):
         return None
-    from engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
+    from cellwright.engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
 
     found = by_sequence(problem, limits, memory, store, cheap)
     if found is None:
         return None
     if not isinstance(found.outcome, Found) or not _lasts(found.outcome.plan):
         return Run(found.outcome, None, found.itinerary)
-    from engine.pipelines.timetable import keeping
+    from cellwright.engine.pipelines.timetable import keeping
 
     outcome = _proved(problem, found.outcome, limits)
     return Run(outcome, keeping(problem, outcome.plan), found.itinerary)
@@ -133,8 +133,8 @@ def fastest(
     outcome, task = planned(problem, limits)
     if not isinstance(outcome, Found):
         return outcome
-    from engine.pipelines import makespan
-    from engine.stages.scheduling import ScheduleLimits
+    from cellwright.engine.pipelines import makespan
+    from cellwright.engine.stages.scheduling import ScheduleLimits
 
     planning = time.perf_counter() - started
     best = _noted(*makespan.fastest(problem, task, outcome, limits, work or ScheduleLimits()))
@@ -147,7 +147,7 @@ def _kept(problem: Problem, followed: Run, started: float) -> "Timetable | Infea
     outcome = followed.outcome
     if not isinstance(outcome, Found):
         return outcome
-    from engine.pipelines.timetable import keeping
+    from cellwright.engine.pipelines.timetable import keeping
 
     made = followed.timetable or keeping(problem, outcome.plan)
     seconds = {**outcome.statistics.seconds, "in all": time.perf_counter() - started}
@@ -160,8 +160,8 @@ def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objecti
         return Run(outcome)
     if not _lasts(outcome.plan):
         return Run(replace(outcome, plan=_tidy(problem, task, outcome.plan)) if problem.chains else outcome)
-    from engine.pipelines import makespan
-    from engine.pipelines.timetable import own_order
+    from cellwright.engine.pipelines import makespan
+    from cellwright.engine.pipelines.timetable import own_order
 
     if objective is Objective.COST:
         plan = _tidy(problem, task, outcome.plan)
@@ -179,7 +179,7 @@ def _noted(best: "Timetable", refused: Infeasible | GaveUp | None) -> "Timetable
 def _tidy(problem: Problem, task: Task, plan: Plan) -> Plan:
     """The plan with its settings in their turn, and what is alike in the order in which it is named."""
     if problem.chains:
-        from engine.pipelines.turns import in_turn  # loads what cuts plans into blocks
+        from cellwright.engine.pipelines.turns import in_turn  # loads what cuts plans into blocks
 
         plan = in_turn(problem, task, plan)
     return in_the_order_named(problem, plan)

@@ -2,17 +2,17 @@
 
 from dataclasses import replace
 
-from engine.kernels.cancellation import Interrupted
-from engine.model.outcome import Found
-from engine.model.replay import early
-from engine.pipelines.gate import accepted
-from engine.stages.grounding import ground
-from engine.stages.planning.elimination import eliminate, reached
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.planning.improvement.exact import optimum
-from engine.stages.planning.limits import Room
-from engine.stages.planning.variants import TooManyVariants, unconditional
-from kb.model.problem import Problem
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.replay import early
+from cellwright.engine.pipelines.gate import accepted
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning.elimination import eliminate, reached
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.planning.improvement.exact import optimum
+from cellwright.engine.stages.planning.limits import Room
+from cellwright.engine.stages.planning.variants import TooManyVariants, unconditional
+from cellwright.kb.model.problem import Problem
 
 ROOM = Room(states=2_000_000, checks=400_000_000)
 

@@ -8,13 +8,13 @@ one, because they continue in the same way.
 
 from collections.abc import Iterator
 
-from engine.model.order import Counterexample, Verdict
-from engine.stages.validation import validate
-from engine.stages.validation.changes import State
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
+from cellwright.engine.model.order import Counterexample, Verdict
+from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
 
 Done = frozenset[StepId]
 MOST = 20_000  # states that are looked at; then the question is left open

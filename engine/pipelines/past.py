@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from kb.asp import AspError
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.asp import AspError
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 STRANGE = (AspError, ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.kernels.linear import norm
-from engine.model.geometry import Floats
-from engine.model.measurement import UNSAID_NORMAL
-from engine.stages.geometry import transforms
-from engine.stages.validation.semantics import Semantics
-from kb.model.cell import Cell, Measuring, Place, Placement
-from kb.model.conventions import Conventions
-from kb.model.motion import Motion
-from kb.model.problem import Problem
-from kb.terms import Number
+from cellwright.engine.kernels.linear import norm
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.measurement import UNSAID_NORMAL
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.cell import Cell, Measuring, Place, Placement
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.model.motion import Motion
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Number
 
 MICRO = 1e-6
 

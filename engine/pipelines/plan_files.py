@@ -5,18 +5,18 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from engine.model.stays import Overstay
-from engine.model.windows import Unmet, missed, turned, visits_of, windows_of
-from engine.stages.validation import validate
-from engine.stages.validation.claims import makespan, times
-from engine.stages.validation.semantics import Semantics
-from kb.asp.statics import evaluated
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, is_there, read_file
-from kb.model.plan import Claims, Plan, StepId
-from kb.model.problem import Problem
-from kb.targets import CONTACTS_FILE, find
-from kb.terms import Number, Term
+from cellwright.engine.model.stays import Overstay
+from cellwright.engine.model.windows import Unmet, missed, turned, visits_of, windows_of
+from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation.claims import makespan, times
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, is_there, read_file
+from cellwright.kb.model.plan import Claims, Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import CONTACTS_FILE, find
+from cellwright.kb.terms import Number, Term
 
 OPERATORS = re.compile(r"^['\"]?(operators|use)['\"]?\s*:", re.MULTILINE)  # its own, or those of devices
 
@@ -57,7 +57,7 @@ def unmet(problem: Problem, made: Plan, claims: Claims | None = None) -> Unmet:
 def _overstays(
     problem: Problem, made: Plan, starts: Mapping[StepId, int], longest: Mapping[Term, int]
 ) -> tuple[Overstay, ...]:
-    from engine.pipelines.stays import overstays  # loads what schedules
+    from cellwright.engine.pipelines.stays import overstays  # loads what schedules
 
     return overstays(problem, made, starts, longest, Semantics(problem))
 
@@ -69,7 +69,7 @@ def plan_in(file: Path) -> tuple[Problem, Plan]:
 
 def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
     """`plan_in`, and what else the file claims."""
-    from kb.loader.plan import load_claimed
+    from cellwright.kb.loader.plan import load_claimed
 
     if not is_there(file) and _is_bundled(str(file)):
         hint = f"make a plan first: cellwright plan {file} -o plan.json"
@@ -87,6 +87,6 @@ def generated_if_bare(domain: Path) -> File | None:
     """The generated domain for a domain file without operators that has a contact model beside it, else None."""
     if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS.search(read_file(domain).text):
         return None
-    from engine.pipelines.task_space import generated  # slow to import
+    from cellwright.engine.pipelines.task_space import generated  # slow to import
 
     return generated(domain)

@@ -6,26 +6,26 @@ The loaders of our own language are imported inside the functions that use them,
 import time
 from dataclasses import replace
 
-from engine.model.outcome import Found, Outcome, Statistics
-from engine.model.task import Task
-from engine.pipelines.files import loaded as loaded
-from engine.pipelines.gate import PlanGate, refusal
-from engine.pipelines.plan_files import check_plan as check_plan
-from engine.pipelines.plan_files import plan_in as plan_in
-from engine.pipelines.renaming import in_the_order_said
-from engine.stages.grounding import ground
-from engine.stages.grounding.limits import size
-from engine.stages.grounding.need import Named, faithful, thinned, without_irrelevant
-from engine.stages.planning import NO_MACROS, Limits, Macros
-from engine.stages.planning import plan as plan_task
-from kb.asp.excerpt import excerpt
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.domain import Operator
-from kb.model.likeness import names
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.targets import find
-from kb.terms import variables
+from cellwright.engine.model.outcome import Found, Outcome, Statistics
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.files import loaded as loaded
+from cellwright.engine.pipelines.gate import PlanGate, refusal
+from cellwright.engine.pipelines.plan_files import check_plan as check_plan
+from cellwright.engine.pipelines.plan_files import plan_in as plan_in
+from cellwright.engine.pipelines.renaming import in_the_order_said
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.grounding.limits import size
+from cellwright.engine.stages.grounding.need import Named, faithful, thinned, without_irrelevant
+from cellwright.engine.stages.planning import NO_MACROS, Limits, Macros
+from cellwright.engine.stages.planning import plan as plan_task
+from cellwright.kb.asp.excerpt import excerpt
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.likeness import names
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import find
+from cellwright.kb.terms import variables
 
 LARGE = 200_000  # possible instances of operators
 
@@ -35,8 +35,8 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
 
     A domain without operators that has a contact model beside it gets those that are generated. Raises `InvalidInput`.
     """
-    from kb.commands import understand
-    from kb.loader import problem_files, with_goals
+    from cellwright.kb.commands import understand
+    from cellwright.kb.loader import problem_files, with_goals
 
     known = loaded(find(target))
     if goals and command:

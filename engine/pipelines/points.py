@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 
-from engine.model.measurement import UNSAID_NORMAL, MeasurementPoint, Triple
-from engine.model.measurements import measurements_of
-from kb.asp import Grounder
-from kb.asp.statics import evaluated
-from kb.loader.amounts import standing
-from kb.model.conventions import Conventions
-from kb.model.problem import Problem
-from kb.terms import Function, Number, Term
+from cellwright.engine.model.measurement import UNSAID_NORMAL, MeasurementPoint, Triple
+from cellwright.engine.model.measurements import measurements_of
+from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.loader.amounts import standing
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Number, Term
 
 PROFILE = "profile"  # the kind of measurement that tells how far a surface is from where it should be
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": 0.0254}

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from engine.pipelines.objective import Objective, Order, Run
-    from engine.pipelines.reuse import Practice
-    from engine.stages.planning import Limits
-    from kb.model.problem import Problem
+    from cellwright.engine.pipelines.objective import Objective, Order, Run
+    from cellwright.engine.pipelines.reuse import Practice
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.model.problem import Problem
 
 
 def planned(
@@ -23,7 +23,7 @@ def planned(
 ) -> "tuple[Run, dict[str, Any]]":
     """The outcome for a problem, and when its steps happen. With a library, also where it comes from; with `folded`, also
     its parts, as data. The library `stays` open in a process that plans again and again."""
-    from engine.pipelines import objective
+    from cellwright.engine.pipelines import objective
 
     if not store:
         return objective.plan(problem, limits, wanted, order), {}
@@ -48,13 +48,13 @@ def planned(
 @contextmanager
 def _in_use(store: str, problem: "Problem", limits: "Limits", stays: bool) -> "Iterator[Practice]":
     if stays:
-        from engine.pipelines.reuse.standing import standing
+        from cellwright.engine.pipelines.reuse.standing import standing
 
         with standing(store, problem.domain, limits) as practice:
             yield practice
         return
-    from engine.pipelines.reuse import Practice
-    from kb.store import Library
+    from cellwright.engine.pipelines.reuse import Practice
+    from cellwright.kb.store import Library
 
     with Library(store, beside=True) as library, Practice(library, limits) as practice:
         yield practice

@@ -8,15 +8,15 @@ change places in the plan that was found. Nothing is searched: the checker tells
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from engine.model.forecast import makespan
-from engine.model.stages import STAGE
-from engine.stages.validation.semantics import Semantics
-from kb.model.amounts import NoAmount
-from kb.model.conditions import Body, Literal, goal_parts, literals
-from kb.model.domain import Domain
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, Number, Term, Text, exchanged
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.stages import STAGE
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.amounts import NoAmount
+from cellwright.kb.model.conditions import Body, Literal, goal_parts, literals
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Term, Text, exchanged
 
 LONG = 400  # steps; the order of longer plans is as it was found
 HERE = Function("*")  # stands for the object that is looked at

@@ -4,19 +4,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from engine.model.execution import RecordKind
-from engine.model.measurements import chooses_tools
-from engine.model.verdicts import Survey
-from engine.pipelines.inspection import partition
-from engine.pipelines.measuring import Measuring
-from engine.pipelines.past import reading_past
-from engine.pipelines.planning import problem_of
-from engine.pipelines.verdicts.spoiling import spoilt_in
-from kb.asp import ground_term
-from kb.model.problem import Problem
-from kb.model.results import Measured, Results, Treated
-from kb.store.journal import Begun, Journal, Line
-from kb.terms import Function, Term
+from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.model.measurements import chooses_tools
+from cellwright.engine.model.verdicts import Survey
+from cellwright.engine.pipelines.inspection import partition
+from cellwright.engine.pipelines.measuring import Measuring
+from cellwright.engine.pipelines.past import reading_past
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.verdicts.spoiling import spoilt_in
+from cellwright.kb.asp import ground_term
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured, Results, Treated
+from cellwright.kb.store.journal import Begun, Journal, Line
+from cellwright.kb.terms import Function, Term
 
 KINDS = (RecordKind.REPLY.value, RecordKind.DONE.value)
 KNOWN = (
@@ -59,7 +59,7 @@ class Told:
 
 def survey_of(store: str, run: str) -> Told:
     """What a run has given until now, and what that shows. Raises `InvalidInput` as `results_of` does."""
-    from engine.pipelines.verdicts.surveying import survey  # it needs numpy
+    from cellwright.engine.pipelines.verdicts.surveying import survey  # it needs numpy
 
     with Journal(store) as journal:
         begun = journal.known(run)

@@ -3,15 +3,15 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from engine.model.stays import Overstay, Stay
-from engine.stages.macros.lifted.execution import changes_of
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.scheduling.blocks import mentions
-from engine.stages.validation.semantics import Semantics
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Term
+from cellwright.engine.model.stays import Overstay, Stay
+from cellwright.engine.stages.macros.lifted.execution import changes_of
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.scheduling.blocks import mentions
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Term
 
 NOTHING: Mapping[Atom, int] = {}
 

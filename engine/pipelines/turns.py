@@ -6,15 +6,15 @@ early as it likes. Who asks for it expects it done in its turn. Where that costs
 
 from collections.abc import Iterator, Sequence
 
-from engine.model.replay import Instances, instances, reached_goals, replayed
-from engine.model.stages import REACHES, STAGE
-from engine.model.task import Bits, GroundOperator, Task, bitset, indices
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.timetable.blocked import operators_of
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.scheduling.blocks import Unstructured
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
+from cellwright.engine.model.replay import Instances, instances, reached_goals, replayed
+from cellwright.engine.model.stages import REACHES, STAGE
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, indices
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.timetable.blocked import operators_of
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.scheduling.blocks import Unstructured
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
 
 LONG = 400  # steps; the order of longer plans is as it was found
 

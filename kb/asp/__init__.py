@@ -10,10 +10,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import clingo
 
-from kb.asp.bounded import run_bounded
-from kb.asp.tables import Table, table
-from kb.plain_terms import plain_terms
-from kb.terms import Function, Number, Term, Text, is_ground
+from cellwright.kb.asp.bounded import run_bounded
+from cellwright.kb.asp.tables import Table, table
+from cellwright.kb.plain_terms import plain_terms
+from cellwright.kb.terms import Function, Number, Term, Text, is_ground
 
 
 class AspError(Exception):
@@ -65,7 +65,7 @@ class Grounder:
     def ground(self, text: str) -> None:
         """Adds statements, and everything that follows from them.
 
-        Raises `AspError`, and what `kb.asp.bounded` raises where that takes too long.
+        Raises `AspError`, and what `cellwright.kb.asp.bounded` raises where that takes too long.
         """
         if not text or text.isspace():
             return
@@ -185,7 +185,7 @@ def ground_term(text: str) -> Term:
     plain = plain_terms(text)
     if plain is not None and len(plain) == 1 and is_ground(plain[0]):
         return plain[0]
-    from kb.asp.suspicion import suspicion  # few texts are not plain
+    from cellwright.kb.asp.suspicion import suspicion  # few texts are not plain
 
     if (found := suspicion(text)) is not None:
         raise AspError([(1, found.offset + 1, found.message)])

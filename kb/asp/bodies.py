@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from clingo import ast
 
-from kb.asp.compiled import NotCompilable, part, relation, value
-from kb.model.conditions import Comparison, Literal
-from kb.terms import Variable
+from cellwright.kb.asp.compiled import NotCompilable, part, relation, value
+from cellwright.kb.model.conditions import Comparison, Literal
+from cellwright.kb.terms import Variable
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from kb import stopping
+from cellwright.kb import stopping
 
 SECONDS = 15.0  # of processor time
 MEGABYTES = 2000  # more than the process had before
@@ -26,7 +26,7 @@ class TooLarge(Exception):
 def run_bounded(ground: Callable[[], None]) -> None:
     """Call `ground`, and raise what it raises.
 
-    Raises `TooLarge`, `MemoryError` if the operating system gives it no more memory, and `kb.stopping.Stopped`, also if whoever
+    Raises `TooLarge`, `MemoryError` if the operating system gives it no more memory, and `cellwright.kb.stopping.Stopped`, also if whoever
     watches the memory of the whole process has raised a `MemoryError` meanwhile.
     """
     watch = _Grounding(ground)

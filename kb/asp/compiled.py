@@ -2,9 +2,17 @@
 
 from clingo import SymbolType, ast
 
-from kb.model.conditions import MIRRORED, Body, BodyPart, Comparison, Element, Literal, StateAggregate
-from kb.model.conditions import part_variables as variables_of
-from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables
+from cellwright.kb.model.conditions import (
+    MIRRORED,
+    Body,
+    BodyPart,
+    Comparison,
+    Element,
+    Literal,
+    StateAggregate,
+)
+from cellwright.kb.model.conditions import part_variables as variables_of
+from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables
 
 
 class NotCompilable(Exception):

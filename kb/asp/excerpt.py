@@ -14,15 +14,15 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 
-from kb.asp.vocabulary import VIOLATED, resting
-from kb.model.conditions import Comparison, Condition, Literal
-from kb.model.conditions import conditions as parts_of
-from kb.model.domain import NUMERIC_TYPES, Domain
-from kb.model.likeness import alike, bodies, free_objects, most_at_once, names
-from kb.model.problem import Problem
-from kb.model.statement import Sign, Statement
-from kb.plain_terms import plain_terms
-from kb.terms import Atom, Function, Operation, Term, Variable, variables
+from cellwright.kb.asp.vocabulary import VIOLATED, resting
+from cellwright.kb.model.conditions import Comparison, Condition, Literal
+from cellwright.kb.model.conditions import conditions as parts_of
+from cellwright.kb.model.domain import NUMERIC_TYPES, Domain
+from cellwright.kb.model.likeness import alike, bodies, free_objects, most_at_once, names
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.statement import Sign, Statement
+from cellwright.kb.plain_terms import plain_terms
+from cellwright.kb.terms import Atom, Function, Operation, Term, Variable, variables
 
 ORDERED = re.compile(r"[<>]")
 VARIABLE = re.compile(r"\b_*[A-Z]\w*|\b_\b")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import clingo
 
-from kb.asp import AspError, Messages, term
-from kb.asp.bounded import run_bounded
-from kb.terms import Function
+from cellwright.kb.asp import AspError, Messages, term
+from cellwright.kb.asp.bounded import run_bounded
+from cellwright.kb.terms import Function
 
 
 @dataclass(frozen=True, slots=True)

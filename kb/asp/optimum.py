@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 
 import clingo
 
-from kb.asp import AspError, Messages, term
-from kb.asp.bounded import run_bounded
-from kb.terms import Function
+from cellwright.kb.asp import AspError, Messages, term
+from cellwright.kb.asp.bounded import run_bounded
+from cellwright.kb.terms import Function
 
 PAUSE = 0.05  # seconds between two checks whether to stop
 

@@ -4,12 +4,12 @@ from collections.abc import Iterable
 
 import clingo
 
-from kb.asp import AspError, Messages
-from kb.asp.bounded import run_bounded
+from cellwright.kb.asp import AspError, Messages
+from cellwright.kb.asp.bounded import run_bounded
 
 
 class Questions:
-    """A grounded program with atoms `a(number)`. Raises `AspError`, and what `kb.asp.bounded` raises where grounding takes too long."""
+    """A grounded program with atoms `a(number)`. Raises `AspError`, and what `cellwright.kb.asp.bounded` raises where grounding takes too long."""
 
     def __init__(self, text: str) -> None:
         messages = Messages()

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from clingo import Control, ast
 
-from kb.asp import AspError, Messages
-from kb.asp.bounded import run_bounded
-from kb.asp.suspicion import suspicion
-from kb.asp.tree import ALONE, Reading, signature, strange
-from kb.diagnostics import Source
-from kb.model.statement import Constant, Statement
+from cellwright.kb.asp import AspError, Messages
+from cellwright.kb.asp.bounded import run_bounded
+from cellwright.kb.asp.suspicion import suspicion
+from cellwright.kb.asp.tree import ALONE, Reading, signature, strange
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.model.statement import Constant, Statement
 
 MAX_LENGTH = 2**19  # characters in one file
 Place = Callable[[int, int], Source]
@@ -20,7 +20,7 @@ Place = Callable[[int, int], Source]
 
 @dataclass(frozen=True, slots=True)
 class ParsedStatement:
-    """A statement, with its tree from clingo's parser, for `kb.asp.compiled`."""
+    """A statement, with its tree from clingo's parser, for `cellwright.kb.asp.compiled`."""
 
     statement: Statement
     tree: ast.AST

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, prod
 
-from kb.asp import AspError, Grounder, ground_term
-from kb.asp.bounded import TooLarge
-from kb.asp.vocabulary import static_program
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.domain import OBJECT
-from kb.model.problem import Problem
-from kb.model.statement import Sign, Signature, Statement
-from kb.plain_terms import plain_terms
-from kb.terms import ANYTHING, Atom, Function, Number, Variable, variables
+from cellwright.kb.asp import AspError, Grounder, ground_term
+from cellwright.kb.asp.bounded import TooLarge
+from cellwright.kb.asp.vocabulary import static_program
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.domain import OBJECT
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.statement import Sign, Signature, Statement
+from cellwright.kb.plain_terms import plain_terms
+from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Variable, variables
 
 SUSPICIOUS = 20_000_000  # instances: what may have more is grounded on trial first
 MANY = 1e18  # instances: more than that is not told apart
@@ -101,7 +101,7 @@ def try_first(suspects: Iterable[Suspect], text: str) -> None:
 
 @lru_cache(maxsize=4)
 def _is_affordable(text: str) -> bool:
-    from kb.asp.trial import affordable  # few programs are suspicious
+    from cellwright.kb.asp.trial import affordable  # few programs are suspicious
 
     return affordable(text)
 

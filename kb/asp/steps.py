@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import clingo
 
-from kb.asp import AspError, Messages
-from kb.asp.bounded import run_bounded
-from kb.terms import Function, Number
+from cellwright.kb.asp import AspError, Messages
+from cellwright.kb.asp.bounded import run_bounded
+from cellwright.kb.terms import Function, Number
 
 Shown = frozenset[tuple[int, ...]] | bool | None
 """The arguments of the shown atoms of a model; False if there is no model; None if this is unknown."""

@@ -8,7 +8,7 @@ from math import prod
 
 from clingo import SymbolType, ast
 
-from kb.model.statement import Constant, PredicateUse, Sign, Signature
+from cellwright.kb.model.statement import Constant, PredicateUse, Sign, Signature
 
 MAX_ALTERNATIVES = 10_000
 MAX_RANGE = 1_000_000

@@ -5,8 +5,8 @@ import resource
 import signal
 import time
 
-from kb import stopping
-from kb.asp import AspError, Grounder
+from cellwright.kb import stopping
+from cellwright.kb.asp import AspError, Grounder
 
 SECONDS = 10
 MEGABYTES = 2000
@@ -20,7 +20,7 @@ def affordable(text: str) -> bool:
 
     clingo cannot be interrupted while it grounds, so a forked child process grounds under limits of the
     operating system. A text with errors counts as affordable, because the real grounding reports the errors.
-    Raises `kb.stopping.Stopped`.
+    Raises `cellwright.kb.stopping.Stopped`.
     """
     megabytes = int(min(MEGABYTES, stopping.megabytes_left()))
     child = os.fork()

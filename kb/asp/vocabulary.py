@@ -2,10 +2,10 @@
 
 from collections.abc import Collection, Iterable, Iterator
 
-from kb.model.conditions import Parameter
-from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Domain
-from kb.model.problem import Problem
-from kb.terms import Function, Variable
+from cellwright.kb.model.conditions import Parameter
+from cellwright.kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Domain
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Variable
 
 VIOLATED = "_violated"
 

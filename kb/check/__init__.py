@@ -2,16 +2,16 @@
 
 from collections.abc import Collection, Iterator
 
-from kb.check.conventions import near_misses, read_by_engine
-from kb.check.oversights import misspelt_heads, never_given_back
-from kb.commands.ambiguity import unclear_words
-from kb.commands.phrases import spoken_of
-from kb.diagnostics import Diagnostic
-from kb.model.amounts import asked
-from kb.model.conditions import Aggregate, Condition, conditions, literals
-from kb.model.domain import Domain, Effect, Kind, Operator
-from kb.model.problem import Problem
-from kb.terms import Atom, Term, is_ground, parts_of
+from cellwright.kb.check.conventions import near_misses, read_by_engine
+from cellwright.kb.check.oversights import misspelt_heads, never_given_back
+from cellwright.kb.commands.ambiguity import unclear_words
+from cellwright.kb.commands.phrases import spoken_of
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.amounts import asked
+from cellwright.kb.model.conditions import Aggregate, Condition, conditions, literals
+from cellwright.kb.model.domain import Domain, Effect, Kind, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Term, is_ground, parts_of
 
 
 def check_domain(

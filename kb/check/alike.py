@@ -9,10 +9,10 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from kb.asp.statics import evaluated
-from kb.model.conditions import And, goal_parts
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.model.conditions import And, goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term
 
 MANY = 150  # objects of a problem; with fewer it is left as it is
 EACH = 3  # objects that stand for those like them

@@ -9,9 +9,9 @@ import difflib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from kb.diagnostics import Diagnostic, Source
-from kb.model.conventions import CONVENTIONS, NUMBERS, Convention, Sort
-from kb.model.domain import Domain
+from cellwright.kb.diagnostics import Diagnostic, Source
+from cellwright.kb.model.conventions import CONVENTIONS, NUMBERS, Convention, Sort
+from cellwright.kb.model.domain import Domain
 
 ALIKE = 0.8  # ratio of difflib from which two names are alike
 FITTING = 3  # a domain measures if it has this many conventions about measurements, even without the type

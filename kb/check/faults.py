@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from kb.diagnostics import Diagnostic
-from kb.model.faults import FaultModel, Interruption
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.faults import FaultModel, Interruption
 
 MOST_CAUSES = 1000
 

@@ -3,9 +3,9 @@
 import difflib
 from collections.abc import Collection, Iterator
 
-from kb.diagnostics import Diagnostic
-from kb.model.conditions import literals
-from kb.model.domain import DeductiveOperator, Domain, Kind
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.conditions import literals
+from cellwright.kb.model.domain import DeductiveOperator, Domain, Kind
 
 ALIKE = 0.75  # ratio of difflib from which two names are alike
 

@@ -3,12 +3,12 @@
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
-from kb.diagnostics import Diagnostic
-from kb.model.conditions import Exists, Literal, goal_parts, literals
-from kb.model.domain import DeductiveOperator, Domain, Kind, Operator
-from kb.model.problem import Problem
-from kb.model.workflow import reaches
-from kb.terms import (
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.conditions import Exists, Literal, goal_parts, literals
+from cellwright.kb.model.domain import DeductiveOperator, Domain, Kind, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import reaches
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Substitution,

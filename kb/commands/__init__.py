@@ -6,10 +6,10 @@ A grammar generated from the phrases reads the sentences. The parser library is 
 import dataclasses
 from collections.abc import Callable
 
-from kb.commands.phrases import Place, check_phrases
-from kb.diagnostics import Source
-from kb.model.domain import Domain
-from kb.model.problem import Problem
+from cellwright.kb.commands.phrases import Place, check_phrases
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
 
 __all__ = ["Place", "check_phrases", "understand"]
 
@@ -19,7 +19,7 @@ def understand(target: Problem | Domain, text: str, place: Callable[[int], Sourc
 
     `place` gives the place of character n of the text; without it, places are in the text itself. Raises `InvalidInput`.
     """
-    from kb.commands.sentence import read_sentence
+    from cellwright.kb.commands.sentence import read_sentence
 
     problem = target if isinstance(target, Problem) else Problem("command", target)
     goal, chains = read_sentence(problem, text, place or said(text))

@@ -6,17 +6,17 @@ Each phrase is said once in every way, with what its slots can contain, and all 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from kb.commands.matching import Match, Matcher
-from kb.commands.patterns import Slot, Word, expansions
-from kb.commands.phrases import Meaning, meanings
-from kb.commands.reading import Said
-from kb.commands.references import References
-from kb.commands.sentence import book_of
-from kb.commands.vocabulary import Vocabulary
-from kb.commands.words import Unclear
-from kb.diagnostics import Diagnostic
-from kb.model.domain import NUMERIC_TYPES, Domain
-from kb.terms import Function, Term, Variable, substitute_atom
+from cellwright.kb.commands.matching import Match, Matcher
+from cellwright.kb.commands.patterns import Slot, Word, expansions
+from cellwright.kb.commands.phrases import Meaning, meanings
+from cellwright.kb.commands.reading import Said
+from cellwright.kb.commands.references import References
+from cellwright.kb.commands.sentence import book_of
+from cellwright.kb.commands.vocabulary import Vocabulary
+from cellwright.kb.commands.words import Unclear
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.domain import NUMERIC_TYPES, Domain
+from cellwright.kb.terms import Function, Term, Variable, substitute_atom
 
 MOST_SAID = 3000  # sentences that are tried
 

@@ -7,15 +7,15 @@ that are left out, then the fewest objects that do not fit, then the fewest phra
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from kb.commands.joints import Joint, before, behind, closes, joints, linking
-from kb.commands.linked import again, linked, wished
-from kb.commands.matching import LEFT_OUT, MOVED, Book, Match, Matcher, along
-from kb.commands.patterns import PREPOSITIONS, Slot, Word
-from kb.commands.phrasebook import Form
-from kb.commands.reading import Said
-from kb.commands.tokens import Piece
-from kb.commands.words import Words
-from kb.model.domain import NUMERIC_TYPES
+from cellwright.kb.commands.joints import Joint, before, behind, closes, joints, linking
+from cellwright.kb.commands.linked import again, linked, wished
+from cellwright.kb.commands.matching import LEFT_OUT, MOVED, Book, Match, Matcher, along
+from cellwright.kb.commands.patterns import PREPOSITIONS, Slot, Word
+from cellwright.kb.commands.phrasebook import Form
+from cellwright.kb.commands.reading import Said
+from cellwright.kb.commands.tokens import Piece
+from cellwright.kb.commands.words import Words
+from cellwright.kb.model.domain import NUMERIC_TYPES
 
 LINKED = ("after", "before")
 FIRST = ("first", "that")

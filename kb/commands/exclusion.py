@@ -9,10 +9,10 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from kb.arithmetic import compare
-from kb.model.conditions import And, Body, Comparison, Condition, Literal, Parameter
-from kb.model.domain import DeductiveOperator, Domain, Operator
-from kb.terms import (
+from cellwright.kb.arithmetic import compare
+from cellwright.kb.model.conditions import And, Body, Comparison, Condition, Literal, Parameter
+from cellwright.kb.model.domain import DeductiveOperator, Domain, Operator
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Function,

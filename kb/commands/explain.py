@@ -3,14 +3,14 @@
 import difflib
 from collections.abc import Callable, Iterator, Sequence
 
-from kb.commands.clauses import NotUnderstood
-from kb.commands.patterns import Slot, Word, expansions, read_pattern, readable
-from kb.commands.reading import A_NAME, A_NUMBER, A_TIME
-from kb.commands.tokens import NUMBER, Piece
-from kb.commands.unsaid import refusal
-from kb.commands.vocabulary import Vocabulary
-from kb.diagnostics import Diagnostic, Source
-from kb.model.domain import Domain
+from cellwright.kb.commands.clauses import NotUnderstood
+from cellwright.kb.commands.patterns import Slot, Word, expansions, read_pattern, readable
+from cellwright.kb.commands.reading import A_NAME, A_NUMBER, A_TIME
+from cellwright.kb.commands.tokens import NUMBER, Piece
+from cellwright.kb.commands.unsaid import refusal
+from cellwright.kb.commands.vocabulary import Vocabulary
+from cellwright.kb.diagnostics import Diagnostic, Source
+from cellwright.kb.model.domain import Domain
 
 KINDS = {
     A_NUMBER: "a number",

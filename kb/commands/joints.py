@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from kb.commands.reading import Said
+from cellwright.kb.commands.reading import Said
 
 
 def _sayings(text: str) -> tuple[tuple[str, ...], ...]:

@@ -3,11 +3,11 @@
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
-from kb.commands.matching import LEFT_OUT, Match, Matcher
-from kb.commands.patterns import PREPOSITIONS, Slot
-from kb.commands.phrasebook import PARTICLES, Form, Node, gerunds, participles
-from kb.commands.reading import Said
-from kb.commands.words import Words
+from cellwright.kb.commands.matching import LEFT_OUT, Match, Matcher
+from cellwright.kb.commands.patterns import PREPOSITIONS, Slot
+from cellwright.kb.commands.phrasebook import PARTICLES, Form, Node, gerunds, participles
+from cellwright.kb.commands.reading import Said
+from cellwright.kb.commands.words import Words
 
 SUBJECTS = ("you", "we", "i", "they", "robot", "cell")
 HAVE = ("have", "has", "had")

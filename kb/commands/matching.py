@@ -3,14 +3,14 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from kb.commands.mentions import Mentions
-from kb.commands.patterns import Slot, Word
-from kb.commands.phrasebook import Form, Node
-from kb.commands.reading import Said
-from kb.commands.tokens import Piece
-from kb.commands.vocabulary import Vocabulary
-from kb.commands.words import Words
-from kb.model.domain import NUMERIC_TYPES
+from cellwright.kb.commands.mentions import Mentions
+from cellwright.kb.commands.patterns import Slot, Word
+from cellwright.kb.commands.phrasebook import Form, Node
+from cellwright.kb.commands.reading import Said
+from cellwright.kb.commands.tokens import Piece
+from cellwright.kb.commands.vocabulary import Vocabulary
+from cellwright.kb.commands.words import Words
+from cellwright.kb.model.domain import NUMERIC_TYPES
 
 MOVED, UNFIT, LEFT_OUT = 1, 100, 10_000  # costs of a reading
 

@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from kb.commands.reading import A_NAME, Said
-from kb.commands.tokens import DASHES, WORD, Piece
-from kb.commands.vocabulary import Nouns, Vocabulary
-from kb.commands.words import Mention, Words
+from cellwright.kb.commands.reading import A_NAME, Said
+from cellwright.kb.commands.tokens import DASHES, WORD, Piece
+from cellwright.kb.commands.vocabulary import Nouns, Vocabulary
+from cellwright.kb.commands.words import Mention, Words
 
 PRONOUNS = ("it", "them", "they", "these", "those", "both", "each")
 POINTING = ("this", "that", "these", "those", "same")

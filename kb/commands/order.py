@@ -11,10 +11,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from kb.commands.undoing import Act, Apart, Pairs, Undoing, undone
-from kb.model.conditions import And, Condition
-from kb.model.problem import Chain
-from kb.terms import Atom, Term, is_ground
+from cellwright.kb.commands.undoing import Act, Apart, Pairs, Undoing, undone
+from cellwright.kb.model.conditions import And, Condition
+from cellwright.kb.model.problem import Chain
+from cellwright.kb.terms import Atom, Term, is_ground
 
 
 class NoOrder(Exception):

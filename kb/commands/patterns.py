@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from kb.commands.spelling import parts
+from cellwright.kb.commands.spelling import parts
 
 ARTICLES = frozenset({"the", "a", "an", "please"})  # these words are ignored in phrases and in sentences
 

@@ -4,8 +4,8 @@ import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from kb.commands.patterns import Pattern, Slot, Variant, Word, expansions, variants
-from kb.commands.spelling import parts
+from cellwright.kb.commands.patterns import Pattern, Slot, Variant, Word, expansions, variants
+from cellwright.kb.commands.spelling import parts
 
 
 @dataclass(frozen=True, slots=True)

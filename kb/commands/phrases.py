@@ -4,13 +4,13 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from kb.commands.patterns import Pattern, PatternError, Slot, Word, expansions, read_pattern
-from kb.commands.tokens import is_spoken
-from kb.diagnostics import Diagnostic, Source, nearest, unknown_name
-from kb.model.conditions import Condition, Exists, Literal, Not, Parameter
-from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Domain, Kind, Phrase
-from kb.syntax import ExpressionError, Parsed, parse
-from kb.terms import ANYTHING, Atom, Function, Number, Term, Text, Variable, parts_of
+from cellwright.kb.commands.patterns import Pattern, PatternError, Slot, Word, expansions, read_pattern
+from cellwright.kb.commands.tokens import is_spoken
+from cellwright.kb.diagnostics import Diagnostic, Source, nearest, unknown_name
+from cellwright.kb.model.conditions import Condition, Exists, Literal, Not, Parameter
+from cellwright.kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Domain, Kind, Phrase
+from cellwright.kb.syntax import ExpressionError, Parsed, parse
+from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Term, Text, Variable, parts_of
 
 Place = Callable[[tuple[str | int, ...], int], Source]
 """A function from a path under `commands:`, such as `("phrases", 3, "say")`, and a character in its text to the place."""

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from fractions import Fraction
 
-from kb.commands.patterns import ARTICLES
-from kb.commands.spelling import COUNTS
-from kb.commands.tokens import NUMBER, Piece, pieces, separated, time_at
+from cellwright.kb.commands.patterns import ARTICLES
+from cellwright.kb.commands.spelling import COUNTS
+from cellwright.kb.commands.tokens import NUMBER, Piece, pieces, separated, time_at
 
 A_NUMBER, A_TIME, A_NAME = "NUMBER", "TIME", "NAME"  # what a place may expect beside words
 

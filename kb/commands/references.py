@@ -4,13 +4,13 @@ import re
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-from kb.commands.rows import Rows
-from kb.commands.spelling import with_article
-from kb.commands.tokens import Piece
-from kb.commands.vocabulary import Vocabulary
-from kb.commands.words import Mention, Unclear, Words
-from kb.diagnostics import nearest
-from kb.terms import Function, natural_key
+from cellwright.kb.commands.rows import Rows
+from cellwright.kb.commands.spelling import with_article
+from cellwright.kb.commands.tokens import Piece
+from cellwright.kb.commands.vocabulary import Vocabulary
+from cellwright.kb.commands.words import Mention, Unclear, Words
+from cellwright.kb.diagnostics import nearest
+from cellwright.kb.terms import Function, natural_key
 
 ENDING = re.compile(r"(.*?)(\d+)")
 

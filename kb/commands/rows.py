@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from kb.commands.mentions import ORDINALS
-from kb.commands.tokens import Piece
-from kb.commands.words import Mention, Unclear
+from cellwright.kb.commands.mentions import ORDINALS
+from cellwright.kb.commands.tokens import Piece
+from cellwright.kb.commands.words import Mention, Unclear
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,26 +6,26 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from kb.commands.clauses import FIRST, LINKED, Clause, NotUnderstood, read_clauses
-from kb.commands.exclusion import Exclusion
-from kb.commands.explain import explain
-from kb.commands.matching import Book
-from kb.commands.order import NoOrder, arrange
-from kb.commands.patterns import PREPOSITIONS, Slot, Word
-from kb.commands.phrasebook import PARTICLES, tree
-from kb.commands.phrases import Meaning, alone, condition, meanings
-from kb.commands.references import References
-from kb.commands.times import in_order_of_time
-from kb.commands.undoing import Act, asked_again
-from kb.commands.vocabulary import Vocabulary
-from kb.commands.words import Unclear, Words
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.conditions import And, Condition, Literal
-from kb.model.domain import NUMERIC_TYPES, Domain, Kind
-from kb.model.problem import Chain, Problem
-from kb.model.workflow import staying
-from kb.syntax import LARGEST, unit_seconds
-from kb.terms import Atom, Function, Number, Term, Variable, substitute_atom, together
+from cellwright.kb.commands.clauses import FIRST, LINKED, Clause, NotUnderstood, read_clauses
+from cellwright.kb.commands.exclusion import Exclusion
+from cellwright.kb.commands.explain import explain
+from cellwright.kb.commands.matching import Book
+from cellwright.kb.commands.order import NoOrder, arrange
+from cellwright.kb.commands.patterns import PREPOSITIONS, Slot, Word
+from cellwright.kb.commands.phrasebook import PARTICLES, tree
+from cellwright.kb.commands.phrases import Meaning, alone, condition, meanings
+from cellwright.kb.commands.references import References
+from cellwright.kb.commands.times import in_order_of_time
+from cellwright.kb.commands.undoing import Act, asked_again
+from cellwright.kb.commands.vocabulary import Vocabulary
+from cellwright.kb.commands.words import Unclear, Words
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.conditions import And, Condition, Literal
+from cellwright.kb.model.domain import NUMERIC_TYPES, Domain, Kind
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.workflow import staying
+from cellwright.kb.syntax import LARGEST, unit_seconds
+from cellwright.kb.terms import Atom, Function, Number, Term, Variable, substitute_atom, together
 
 MAX_LENGTH = 5_000
 MAX_ACTS = 5_000

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 
-from kb.commands.clauses import LINKED, Clause
+from cellwright.kb.commands.clauses import LINKED, Clause
 
 
 def in_order_of_time(clauses: Sequence[Clause], referred: Mapping[int, frozenset[int]]) -> list[Clause]:

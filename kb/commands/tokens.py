@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from kb.commands.patterns import ARTICLES
-from kb.commands.spelling import COUNTS, parts
-from kb.syntax import unit_seconds
+from cellwright.kb.commands.patterns import ARTICLES
+from cellwright.kb.commands.spelling import COUNTS, parts
+from cellwright.kb.syntax import unit_seconds
 
 NUMBER, WORD, MARK, OTHER = "number", "word", "mark", "other"
 DASHES = ("-", "–", "..", "...")

@@ -8,8 +8,8 @@ import itertools
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from kb.model.conditions import Condition, Literal
-from kb.terms import Atom, Term
+from cellwright.kb.model.conditions import Condition, Literal
+from cellwright.kb.terms import Atom, Term
 
 Apart = Callable[[Literal, Literal], bool]
 """Whether two conditions cannot hold together, or whether the first cannot hold when the second one becomes true."""

@@ -4,7 +4,7 @@ import unicodedata
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from kb.commands.tokens import WORD, Piece
+from cellwright.kb.commands.tokens import WORD, Piece
 
 
 @dataclass(frozen=True, slots=True)

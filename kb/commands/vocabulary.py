@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from kb.commands.patterns import ARTICLES, Variant, Word
-from kb.commands.phrasebook import plurals, spoken
-from kb.commands.words import Words
-from kb.model.domain import BUILT_IN_TYPES, Domain
+from cellwright.kb.commands.patterns import ARTICLES, Variant, Word
+from cellwright.kb.commands.phrasebook import plurals, spoken
+from cellwright.kb.commands.words import Words
+from cellwright.kb.model.domain import BUILT_IN_TYPES, Domain
 
 Noun = tuple[str, ...]
 """The words of a noun, in small letters, without an article before them."""

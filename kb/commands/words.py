@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from kb.commands.tokens import Piece
+from cellwright.kb.commands.tokens import Piece
 
 
 class Unclear(Exception):

@@ -4,10 +4,10 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from kb.editing.devices import DeviceIndex
-from kb.editing.index import FileIndex, Index, Symbol
-from kb.editing.occurrences import Occurrence
-from kb.model.domain import BUILT_IN_TYPES
+from cellwright.kb.editing.devices import DeviceIndex
+from cellwright.kb.editing.index import FileIndex, Index, Symbol
+from cellwright.kb.editing.occurrences import Occurrence
+from cellwright.kb.model.domain import BUILT_IN_TYPES
 
 RENAMED = ("predicate", "type", "function", "object", "operator", "variable", "cause")
 _NAME, _VARIABLE = r"[a-z][A-Za-z0-9_]*", r"_?[A-Z][A-Za-z0-9_]*"

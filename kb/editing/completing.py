@@ -4,13 +4,13 @@ import re
 from collections.abc import Collection, Iterable, Iterator
 from typing import NamedTuple
 
-from kb.editing.context import Context, context
-from kb.editing.index import ASP, FileIndex, Index
-from kb.editing.occurrences import Declared
-from kb.editing.shapes import Role, Shape
-from kb.editing.tokens import mentions
-from kb.model.domain import BUILT_IN_TYPES
-from kb.schema import keys_at, values_at
+from cellwright.kb.editing.context import Context, context
+from cellwright.kb.editing.index import ASP, FileIndex, Index
+from cellwright.kb.editing.occurrences import Declared
+from cellwright.kb.editing.shapes import Role, Shape
+from cellwright.kb.editing.tokens import mentions
+from cellwright.kb.model.domain import BUILT_IN_TYPES
+from cellwright.kb.schema import keys_at, values_at
 
 PARTIAL = re.compile(r"[A-Za-z0-9_']*$")
 MOST = 2000  # completions that are offered at once

@@ -3,7 +3,7 @@
 import re
 from typing import NamedTuple
 
-from kb.editing.shapes import KINDS, Shape
+from cellwright.kb.editing.shapes import KINDS, Shape
 
 _LINE = re.compile(r"([ ]*)((?:-(?:[ ]+|$))*)(.*)", re.DOTALL)
 _KEY = re.compile(r"""("[^"\n]*"|'[^'\n]*'|[^\s"'#{\[&*!|>%@`-][^#\n]*?):(?:[ \t]+|$)(.*)""", re.DOTALL)

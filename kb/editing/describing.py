@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from kb.editing.context import context
-from kb.editing.index import ASP, FileIndex, Index, Symbol
-from kb.editing.occurrences import Declared, Occurrence
-from kb.model.domain import BUILT_IN_TYPES
-from kb.schema import keys_at
+from cellwright.kb.editing.context import context
+from cellwright.kb.editing.index import ASP, FileIndex, Index, Symbol
+from cellwright.kb.editing.occurrences import Declared, Occurrence
+from cellwright.kb.model.domain import BUILT_IN_TYPES
+from cellwright.kb.schema import keys_at
 
 MOST = 5  # objects of a type that are shown
 

@@ -11,18 +11,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
-from kb.diagnostics import InvalidInput
-from kb.editing.index import FileIndex, kind_of
-from kb.editing.occurrences import Declared, Names, Occurrence
-from kb.files import is_file
-from kb.loader.faults import FAULTS_FILE
-from kb.loader.node import Node
-from kb.loader.quantities import child
-from kb.loader.tolerant import pieces, tree_of
-from kb.loader.uses import Use
-from kb.loader.uses.binding import readable_uses
-from kb.loader.uses.filling import Filled
-from kb.targets import DEVICE_FILE
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.editing.index import FileIndex, kind_of
+from cellwright.kb.editing.occurrences import Declared, Names, Occurrence
+from cellwright.kb.files import is_file
+from cellwright.kb.loader.faults import FAULTS_FILE
+from cellwright.kb.loader.node import Node
+from cellwright.kb.loader.quantities import child
+from cellwright.kb.loader.tolerant import pieces, tree_of
+from cellwright.kb.loader.uses import Use
+from cellwright.kb.loader.uses.binding import readable_uses
+from cellwright.kb.loader.uses.filling import Filled
+from cellwright.kb.targets import DEVICE_FILE
 
 Part = TypeVar("Part", Occurrence, Declared)
 _SECTION = re.compile(r"^use[ \t]*:[^\n]*\n?(?:[ \t#\r][^\n]*\n?|\n)*", re.MULTILINE)

@@ -4,10 +4,10 @@ import re
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from kb.diagnostics import Diagnostic, suggested
-from kb.editing.changing import Change
-from kb.editing.index import FileIndex, Index
-from kb.editing.tokens import mentions, tokens
+from cellwright.kb.diagnostics import Diagnostic, suggested
+from cellwright.kb.editing.changing import Change
+from cellwright.kb.editing.index import FileIndex, Index
+from cellwright.kb.editing.tokens import mentions, tokens
 
 REACH = 4000  # characters after the place of a finding in which the name that it is about may stand
 _INDENT = "  "

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from kb.editing.occurrences import Declared, Names, Occurrence, names_of
-from kb.editing.rules import names_in_rules
-from kb.editing.shapes import KINDS
-from kb.loader.tolerant import Piece, pieces
+from cellwright.kb.editing.occurrences import Declared, Names, Occurrence, names_of
+from cellwright.kb.editing.rules import names_in_rules
+from cellwright.kb.editing.shapes import KINDS
+from cellwright.kb.loader.tolerant import Piece, pieces
 
 ASP = "asp"
 _STATEMENTS = re.compile(r"[^\n]*\.[ \t]*(?:%[^\n]*)?\n|[^\n]*\n|[^\n]+")
@@ -17,7 +17,7 @@ _KIND = re.compile(rf"^({'|'.join(KINDS)})[ \t]*:", re.MULTILINE)
 
 
 def kind_of(path: str, text: str) -> str:
-    """The kind of a file: `asp`, or one of `kb.editing.shapes`. What cannot be told is a domain, or a part of one."""
+    """The kind of a file: `asp`, or one of `cellwright.kb.editing.shapes`. What cannot be told is a domain, or a part of one."""
     if not path.endswith((".yaml", ".yml")):
         return ASP
     found = {each[1] for each in _KIND.finditer(text)}

@@ -11,15 +11,15 @@ from collections.abc import Iterator
 from itertools import zip_longest
 from typing import NamedTuple
 
-from kb.asp import AspError
-from kb.asp.statements import printed
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.editing.index import ASP, kind_of
-from kb.editing.shapes import KINDS, TEXT, Role, Shape
-from kb.editing.spacing import same_but_for_spaces, spaced, spaced_rules
-from kb.files import File
-from kb.loader.node import Node
-from kb.loader.tree import outlined, read_tree
+from cellwright.kb.asp import AspError
+from cellwright.kb.asp.statements import printed
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.editing.index import ASP, kind_of
+from cellwright.kb.editing.shapes import KINDS, TEXT, Role, Shape
+from cellwright.kb.editing.spacing import same_but_for_spaces, spaced, spaced_rules
+from cellwright.kb.files import File
+from cellwright.kb.loader.node import Node
+from cellwright.kb.loader.tree import outlined, read_tree
 
 STEP = 2  # columns of a level
 BRACED = re.compile(r"\$\{(\w+)\}")

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
-from kb.editing.shapes import KINDS, TEXT, Role, Shape
-from kb.editing.tokens import Mention, mentions
-from kb.loader.node import Node
-from kb.loader.tolerant import Piece, tree_of
+from cellwright.kb.editing.shapes import KINDS, TEXT, Role, Shape
+from cellwright.kb.editing.tokens import Mention, mentions
+from cellwright.kb.loader.node import Node
+from cellwright.kb.loader.tolerant import Piece, tree_of
 
 MAX_RANGE = 10_000  # names of one range that are told apart
 RANGE = re.compile(r"([a-z][A-Za-z0-9_]*?)([0-9]{1,9})\.\.(?:\1)?([0-9]{1,9})")

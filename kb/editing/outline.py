@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from kb.editing.index import ASP, FileIndex
-from kb.loader.node import Node
-from kb.loader.tolerant import Piece, pieces, tree_of
+from cellwright.kb.editing.index import ASP, FileIndex
+from cellwright.kb.loader.node import Node
+from cellwright.kb.loader.tolerant import Piece, pieces, tree_of
 
 
 class Entry(NamedTuple):

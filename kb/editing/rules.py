@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from functools import lru_cache
 
-from kb.editing.occurrences import Declared, Names, Occurrence, space_of
-from kb.editing.tokens import Mention, mentions, tokens
+from cellwright.kb.editing.occurrences import Declared, Names, Occurrence, space_of
+from cellwright.kb.editing.tokens import Mention, mentions, tokens
 
 
 @lru_cache(4096)

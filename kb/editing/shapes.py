@@ -223,4 +223,4 @@ KINDS: Mapping[str, Shape] = {
     "cell": CELL,
     "contacts": CONTACTS,
 }
-"""The shape of each kind of file whose names are indexed; `kb.schema` has a form of the same name."""
+"""The shape of each kind of file whose names are indexed; `cellwright.kb.schema` has a form of the same name."""

@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from kb.editing.tokens import Token, tokens
+from cellwright.kb.editing.tokens import Token, tokens
 
 _RELATIONS = {"=", "==", "!=", "<>", "<", "<=", ">", ">=", ":-", ":~", "|", "&"}
 _TIGHT_BEFORE = {",", ";", ")", "]", "."}

@@ -7,11 +7,19 @@ to import.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, problem_files, reference
+from cellwright.kb.targets import (
+    CELL_FILE,
+    CONTACTS_FILE,
+    DOMAIN_FILE,
+    bundled,
+    find,
+    problem_files,
+    reference,
+)
 
 if TYPE_CHECKING:
-    from kb.loader.loading import Loaded, domain_of, load, load_domain, load_problem, with_goals
-    from kb.loader.plan import load_plan
+    from cellwright.kb.loader.loading import Loaded, domain_of, load, load_domain, load_problem, with_goals
+    from cellwright.kb.loader.plan import load_plan
 
 __all__ = [
     "CELL_FILE",
@@ -34,4 +42,6 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"kb.loader.{'plan' if name == 'load_plan' else 'loading'}"), name)
+    return getattr(
+        import_module(f"cellwright.kb.loader.{'plan' if name == 'load_plan' else 'loading'}"), name
+    )

@@ -5,18 +5,18 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kb.asp import Grounder
-from kb.asp.statics import evaluated
-from kb.diagnostics import InvalidInput, unknown_name
-from kb.files import is_file
-from kb.model.amounts import Amounts, Facts, Standing
-from kb.model.domain import Domain
-from kb.model.motion import Point
-from kb.model.problem import Problem
-from kb.targets import CELL_FILE
+from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.diagnostics import InvalidInput, unknown_name
+from cellwright.kb.files import is_file
+from cellwright.kb.model.amounts import Amounts, Facts, Standing
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.motion import Point
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import CELL_FILE
 
 if TYPE_CHECKING:  # only travel needs cells, and they take a while to load
-    from kb.model.cell import Cell
+    from cellwright.kb.model.cell import Cell
 
 
 def amounts_of(problem: Problem, facts: Facts | None = None) -> Amounts:
@@ -37,7 +37,7 @@ def standing(domain: Domain) -> Standing:
     def point(place: str) -> Point | None:
         if (found := cell()) is None:
             return None
-        from kb.model.positions import position
+        from cellwright.kb.model.positions import position
 
         at = position(found[0], place, found[1])
         return None if at is None else (round(at[0] * 1e6), round(at[1] * 1e6), round(at[2] * 1e6))
@@ -60,8 +60,8 @@ def _framed(domain: Domain) -> "tuple[Cell, str] | None":
     version = version_of_cell(domain)
     if version is None:
         return None
-    from kb.model.cell import WORLD
-    from kb.model.positions import is_fixed
+    from cellwright.kb.model.cell import WORLD
+    from cellwright.kb.model.positions import is_fixed
 
     frame, cell = domain.motion.frame if domain.motion else WORLD, _cell(*version)
     if domain.motion is not None and not is_fixed(cell, frame):
@@ -82,6 +82,6 @@ def version_of_cell(domain: Domain) -> tuple[Path, int, int] | None:
 @lru_cache(maxsize=4)
 def _cell(path: Path, _changed: int, _size: int) -> "Cell":
     """The cell in a file; a program that plans piece by piece reads it once for each version of the file."""
-    from kb.loader.cell import load_cell
+    from cellwright.kb.loader.cell import load_cell
 
     return load_cell(path)

@@ -3,12 +3,12 @@
 import math
 from pathlib import Path
 
-from kb.diagnostics import unknown_name
-from kb.loader.quantities import ANGLE, Quantities, child
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.tree import Node, read_file
-from kb.model.cell import Arm, Joint, Link
-from kb.model.shapes import Pose
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.quantities import ANGLE, Quantities, child
+from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
+from cellwright.kb.loader.tree import Node, read_file
+from cellwright.kb.model.cell import Arm, Joint, Link
+from cellwright.kb.model.shapes import Pose
 
 BUNDLED = Path(__file__).parents[1] / "arms"
 

@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_file
-from kb.json_text import parsed
-from kb.model.scene import CameraFound, Numbers
-from kb.numbers import is_number
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import read_file
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.scene import CameraFound, Numbers
+from cellwright.kb.numbers import is_number
 
 LARGEST = 1e6
 UNIT = 1e-6  # how far the axes of a pose may be from right angles and unit lengths

@@ -1,8 +1,8 @@
 """The `command:` of a problem file: a command in words instead of goals and a workflow."""
 
-from kb.diagnostics import InvalidInput, errors
-from kb.loader.reader import Reader
-from kb.model.problem import Problem
+from cellwright.kb.diagnostics import InvalidInput, errors
+from cellwright.kb.loader.reader import Reader
+from cellwright.kb.model.problem import Problem
 
 
 def commanded(problem: Problem, reader: Reader) -> Problem:
@@ -17,7 +17,7 @@ def commanded(problem: Problem, reader: Reader) -> Problem:
         )
     if errors(reader.findings.diagnostics):
         return problem  # while the domain or the objects have errors, the words cannot be understood
-    from kb.commands import understand  # slow to import, and few problems have a command
+    from cellwright.kb.commands import understand  # slow to import, and few problems have a command
 
     try:
         return understand(problem, node.value, node.place)

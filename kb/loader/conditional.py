@@ -3,15 +3,15 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from kb.loader.inference import Typing, scoped
-from kb.loader.names import CHANGEABLE, READABLE, Names
-from kb.loader.numeric import refuse_quantity, with_values
-from kb.loader.reader import Expression, Reader
-from kb.loader.safety import refuse_anything, refuse_unbound
-from kb.model.bindings import closed, extended, free_variables
-from kb.model.conditions import And, Condition, Parameter
-from kb.model.domain import Effect, Kind
-from kb.terms import ANYTHING, Atom, Variable, variables
+from cellwright.kb.loader.inference import Typing, scoped
+from cellwright.kb.loader.names import CHANGEABLE, READABLE, Names
+from cellwright.kb.loader.numeric import refuse_quantity, with_values
+from cellwright.kb.loader.reader import Expression, Reader
+from cellwright.kb.loader.safety import refuse_anything, refuse_unbound
+from cellwright.kb.model.bindings import closed, extended, free_variables
+from cellwright.kb.model.conditions import And, Condition, Parameter
+from cellwright.kb.model.domain import Effect, Kind
+from cellwright.kb.terms import ANYTHING, Atom, Variable, variables
 
 CHANGES: dict[str, tuple[Kind, ...]] = {"adds": CHANGEABLE, "deletes": (Kind.FLUENT,)}
 

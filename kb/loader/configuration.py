@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, unknown_name
-from kb.files import File
-from kb.loader.quantities import ANGLE, LENGTH, Quantities
-from kb.loader.reader import Findings, require
-from kb.loader.tree import Node
-from kb.model.cell import Cell, JointKind
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, unknown_name
+from cellwright.kb.files import File
+from cellwright.kb.loader.quantities import ANGLE, LENGTH, Quantities
+from cellwright.kb.loader.reader import Findings, require
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import Cell, JointKind
 
 
 def read_configuration(

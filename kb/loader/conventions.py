@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 
-from kb.diagnostics import unknown_name
-from kb.loader.names import Names
-from kb.loader.reader import Reader
-from kb.loader.tree import Node
-from kb.model.conventions import CONVENTIONS, WITH_ARTICLE, Convention, Sort
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Reader
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.conventions import CONVENTIONS, WITH_ARTICLE, Convention, Sort
 
 PREDICATES = (Sort.STATIC, Sort.FLUENT)
 

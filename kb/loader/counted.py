@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
-from kb.loader.inference import Typing
-from kb.loader.names import Names
-from kb.loader.reader import Expression
-from kb.model.amounts import asks
-from kb.model.conventions import CONVENTIONS
-from kb.model.domain import NUMERIC_TYPES, OBJECT
-from kb.model.motion import DISTANCE
-from kb.terms import Function, Number, Operation, Term, Variable
+from cellwright.kb.loader.inference import Typing
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Expression
+from cellwright.kb.model.amounts import asks
+from cellwright.kb.model.conventions import CONVENTIONS
+from cellwright.kb.model.domain import NUMERIC_TYPES, OBJECT
+from cellwright.kb.model.motion import DISTANCE
+from cellwright.kb.terms import Function, Number, Operation, Term, Variable
 
 UNDECLARED = (
     CONVENTIONS["travel"].role,

@@ -2,13 +2,21 @@
 
 import re
 
-from kb.diagnostics import Source
-from kb.graphs import components
-from kb.loader.names import Names
-from kb.loader.reader import Reader
-from kb.loader.tree import Node
-from kb.model.domain import BUILT_IN_TYPES, OBJECT, FunctionSignature, Kind, Predicate, Quantity, Type
-from kb.terms import Function
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.graphs import components
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Reader
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.domain import (
+    BUILT_IN_TYPES,
+    OBJECT,
+    FunctionSignature,
+    Kind,
+    Predicate,
+    Quantity,
+    Type,
+)
+from cellwright.kb.terms import Function
 
 KINDS = {"statics": Kind.STATIC, "derived": Kind.DERIVED, "fluents": Kind.FLUENT, "events": Kind.EVENT}
 LARGEST = 2**31 - 1

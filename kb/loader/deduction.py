@@ -2,17 +2,23 @@
 
 from collections.abc import Iterable, Sequence
 
-from kb.diagnostics import Source
-from kb.loader.inference import Typing
-from kb.loader.names import CHANGEABLE, Names
-from kb.loader.numeric import refuse_quantity
-from kb.loader.operators import narrowed
-from kb.loader.reader import Expression, Reader
-from kb.loader.safety import body_variables, occurrences, refuse_anything, refuse_unbound, warn_singletons
-from kb.model.bindings import closed, extended
-from kb.model.conditions import Body, Literal
-from kb.model.domain import Consequence, DeductiveOperator, Default, Kind
-from kb.terms import ANYTHING, Function, Variable, variables
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.loader.inference import Typing
+from cellwright.kb.loader.names import CHANGEABLE, Names
+from cellwright.kb.loader.numeric import refuse_quantity
+from cellwright.kb.loader.operators import narrowed
+from cellwright.kb.loader.reader import Expression, Reader
+from cellwright.kb.loader.safety import (
+    body_variables,
+    occurrences,
+    refuse_anything,
+    refuse_unbound,
+    warn_singletons,
+)
+from cellwright.kb.model.bindings import closed, extended
+from cellwright.kb.model.conditions import Body, Literal
+from cellwright.kb.model.domain import Consequence, DeductiveOperator, Default, Kind
+from cellwright.kb.terms import ANYTHING, Function, Variable, variables
 
 Clause = tuple[Function, Body]
 FIELDS = {"implies": True, "denies": False}

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from kb.diagnostics import nearest
-from kb.loader.inference import Typing
-from kb.loader.measures import MeasureReader
-from kb.loader.names import READABLE, Names
-from kb.loader.quantities import child
-from kb.loader.reader import Expression, Reader
-from kb.model.domain import Command, Look
-from kb.terms import Function, variables
+from cellwright.kb.diagnostics import nearest
+from cellwright.kb.loader.inference import Typing
+from cellwright.kb.loader.measures import MeasureReader
+from cellwright.kb.loader.names import READABLE, Names
+from cellwright.kb.loader.quantities import child
+from cellwright.kb.loader.reader import Expression, Reader
+from cellwright.kb.model.domain import Command, Look
+from cellwright.kb.terms import Function, variables
 
 
 @dataclass(frozen=True)

@@ -4,21 +4,21 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from kb.commands import check_phrases
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, is_there
-from kb.loader.conventions import read_conventions
-from kb.loader.declarations import read_declarations
-from kb.loader.deduction import read_deductive_operators, read_defaults
-from kb.loader.motion import read_motion
-from kb.loader.names import Names
-from kb.loader.operators import read_operators
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.rules import read_rules
-from kb.loader.tree import read_file
-from kb.loader.uses import composed, composed_beside
-from kb.model.computed import with_named_values
-from kb.model.domain import TOOLS, Domain, Phrase
+from cellwright.kb.commands import check_phrases
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, is_there
+from cellwright.kb.loader.conventions import read_conventions
+from cellwright.kb.loader.declarations import read_declarations
+from cellwright.kb.loader.deduction import read_deductive_operators, read_defaults
+from cellwright.kb.loader.motion import read_motion
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.operators import read_operators
+from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
+from cellwright.kb.loader.rules import read_rules
+from cellwright.kb.loader.tree import read_file
+from cellwright.kb.loader.uses import composed, composed_beside
+from cellwright.kb.model.computed import with_named_values
+from cellwright.kb.model.domain import TOOLS, Domain, Phrase
 
 Rewrite = Callable[[Path], File | None]
 
@@ -68,7 +68,7 @@ def read_domain(path: Path, findings: Findings, rewrite: Rewrite = as_written) -
 
 
 def read_beside(domain: Path, name: str, form: str, what: str) -> tuple[Reader, Domain, Names]:
-    """A file beside a domain file, read in a form of `kb.schema`, with the domain and its names. Raises `InvalidInput`."""
+    """A file beside a domain file, read in a form of `cellwright.kb.schema`, with the domain and its names. Raises `InvalidInput`."""
     path = domain.with_name(name)
     if not is_there(path):
         hint = f"write one: `cellwright schema {form}` shows its form"

@@ -4,15 +4,15 @@ import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, unknown_name
-from kb.loader.domain import read_beside
-from kb.loader.inference import Typing
-from kb.loader.names import Names
-from kb.loader.reader import Expression, Reader, require
-from kb.loader.tree import Node
-from kb.model.domain import Domain, Kind, Operator
-from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
-from kb.terms import ANYTHING, Atom, Function, Term, Variable
+from cellwright.kb.diagnostics import Diagnostic, unknown_name
+from cellwright.kb.loader.domain import read_beside
+from cellwright.kb.loader.inference import Typing
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Expression, Reader, require
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.domain import Domain, Kind, Operator
+from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.kb.terms import ANYTHING, Atom, Function, Term, Variable
 
 FAULTS_FILE = "faults.yaml"
 _CHANCE = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\s+([0-9](?:\.[0-9]{1,6})?))?")

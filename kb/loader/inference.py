@@ -6,11 +6,11 @@ Only positive atoms narrow the type of a variable: `not part_of(Place, drawer)` 
 import dataclasses
 from collections.abc import Collection, Iterable
 
-from kb.diagnostics import nearest, unknown_name
-from kb.loader.names import Names, miscounted
-from kb.loader.reader import Expression
-from kb.model.bindings import free_variables
-from kb.model.conditions import (
+from cellwright.kb.diagnostics import nearest, unknown_name
+from cellwright.kb.loader.names import Names, miscounted
+from cellwright.kb.loader.reader import Expression
+from cellwright.kb.model.bindings import free_variables
+from cellwright.kb.model.conditions import (
     Aggregate,
     And,
     Comparison,
@@ -22,8 +22,8 @@ from kb.model.conditions import (
     Or,
     Parameter,
 )
-from kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
-from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables
+from cellwright.kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
+from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables
 
 
 class Typing:

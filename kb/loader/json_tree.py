@@ -7,8 +7,8 @@ which says what is wrong with it.
 import json
 import re
 
-from kb.files import File
-from kb.loader.node import MAX_DEPTH, Node, too_many
+from cellwright.kb.files import File
+from cellwright.kb.loader.node import MAX_DEPTH, Node, too_many
 
 LONGEST_KEY = 500  # characters; YAML takes about a thousand
 

@@ -3,18 +3,18 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, read_file
-from kb.loader.domain import Rewrite, as_written, read_domain
-from kb.loader.names import Names
-from kb.loader.problem import goal_condition, read_problem
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.references import domain_file, domain_of, require_no_other
-from kb.loader.tree import Node
-from kb.model.conditions import TRUE
-from kb.model.domain import Domain
-from kb.model.problem import Problem
-from kb.targets import find
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, read_file
+from cellwright.kb.loader.domain import Rewrite, as_written, read_domain
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.problem import goal_condition, read_problem
+from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
+from cellwright.kb.loader.references import domain_file, domain_of, require_no_other
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.conditions import TRUE
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import find
 
 __all__ = ["Loaded", "domain_of", "load", "load_domain", "load_problem", "with_goals"]
 

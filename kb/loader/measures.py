@@ -2,13 +2,13 @@
 
 from collections.abc import Collection, Iterator
 
-from kb.diagnostics import nearest
-from kb.loader.counted import Counted
-from kb.loader.inference import Typing
-from kb.loader.names import Names
-from kb.loader.reader import Expression, Reader
-from kb.model.domain import Measure
-from kb.terms import Number, Term, Variable, variables
+from cellwright.kb.diagnostics import nearest
+from cellwright.kb.loader.counted import Counted
+from cellwright.kb.loader.inference import Typing
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Expression, Reader
+from cellwright.kb.model.domain import Measure
+from cellwright.kb.terms import Number, Term, Variable, variables
 
 TERMS = ("of", "by", "value")
 NUMBERS = {

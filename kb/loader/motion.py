@@ -3,15 +3,15 @@
 import re
 from fractions import Fraction
 
-from kb.diagnostics import Source
-from kb.loader.names import Names
-from kb.loader.reader import Reader
-from kb.loader.tree import Node
-from kb.model.cell import WORLD
-from kb.model.conventions import CONVENTIONS
-from kb.model.domain import Predicate
-from kb.model.motion import DISTANCE, Motion
-from kb.syntax import SECONDS, unit_seconds
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Reader
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import WORLD
+from cellwright.kb.model.conventions import CONVENTIONS
+from cellwright.kb.model.domain import Predicate
+from cellwright.kb.model.motion import DISTANCE, Motion
+from cellwright.kb.syntax import SECONDS, unit_seconds
 
 MICROMETRES = {"m": 1_000_000, "cm": 10_000, "mm": 1_000, "in": 25_400}
 SPEED = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(MICROMETRES)})\s*/\s*([a-z]+)")

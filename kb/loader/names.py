@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-from kb.diagnostics import Source, unknown_name
-from kb.loader.reader import Expression, Findings
-from kb.model.domain import (
+from cellwright.kb.diagnostics import Source, unknown_name
+from cellwright.kb.loader.reader import Expression, Findings
+from cellwright.kb.model.domain import (
     BUILT_IN_TYPES,
     OBJECT,
     UNLISTED,
@@ -16,7 +16,7 @@ from kb.model.domain import (
     Quantity,
     Type,
 )
-from kb.terms import Atom, Function
+from cellwright.kb.terms import Atom, Function
 
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)

@@ -5,8 +5,8 @@ import re
 from bisect import bisect_left
 from typing import Any, NamedTuple
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File
 
 MAX_DEPTH = 50
 MAX_NODES = 1_000_000

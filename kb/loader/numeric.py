@@ -4,14 +4,14 @@ import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping
 
-from kb.loader.counted import Counted
-from kb.loader.inference import Typing
-from kb.loader.names import Names
-from kb.loader.reader import Expression, Reader
-from kb.model.conditions import And, Comparison, Condition, ForAll, Not, Or, literals
-from kb.model.domain import Effect, Quantity
-from kb.model.quantities import Fresh, apart, change, compared, replaced, some, within
-from kb.terms import Atom, Function, Number, Operation, Term, Variable, variables
+from cellwright.kb.loader.counted import Counted
+from cellwright.kb.loader.inference import Typing
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Expression, Reader
+from cellwright.kb.model.conditions import And, Comparison, Condition, ForAll, Not, Or, literals
+from cellwright.kb.model.domain import Effect, Quantity
+from cellwright.kb.model.quantities import Fresh, apart, change, compared, replaced, some, within
+from cellwright.kb.terms import Atom, Function, Number, Operation, Term, Variable, variables
 
 CHANGES = ("increase", "decrease", "assign")
 

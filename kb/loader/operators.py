@@ -3,20 +3,20 @@
 from collections.abc import Iterable
 from typing import Any
 
-from kb.diagnostics import nearest, unknown_name
-from kb.loader.conditional import CHANGES, ConditionalEffects, infer_changed
-from kb.loader.counted import Counted
-from kb.loader.devices import DeviceReader
-from kb.loader.inference import Typing, scoped
-from kb.loader.measures import MeasureReader
-from kb.loader.names import READABLE, Names
-from kb.loader.numeric import Changes, with_values
-from kb.loader.reader import Expression, Reader
-from kb.loader.safety import free_in, occurrences, refuse_anything, refuse_unbound, warn_singletons
-from kb.model.bindings import closed, extended, free_variables
-from kb.model.conditions import And, Condition, Parameter, goal_parts
-from kb.model.domain import Effect, Kind, Operator
-from kb.terms import ANYTHING, Function, Term, Variable, variables
+from cellwright.kb.diagnostics import nearest, unknown_name
+from cellwright.kb.loader.conditional import CHANGES, ConditionalEffects, infer_changed
+from cellwright.kb.loader.counted import Counted
+from cellwright.kb.loader.devices import DeviceReader
+from cellwright.kb.loader.inference import Typing, scoped
+from cellwright.kb.loader.measures import MeasureReader
+from cellwright.kb.loader.names import READABLE, Names
+from cellwright.kb.loader.numeric import Changes, with_values
+from cellwright.kb.loader.reader import Expression, Reader
+from cellwright.kb.loader.safety import free_in, occurrences, refuse_anything, refuse_unbound, warn_singletons
+from cellwright.kb.model.bindings import closed, extended, free_variables
+from cellwright.kb.model.conditions import And, Condition, Parameter, goal_parts
+from cellwright.kb.model.domain import Effect, Kind, Operator
+from cellwright.kb.terms import ANYTHING, Function, Term, Variable, variables
 
 
 def read_operators(reader: Reader, names: Names) -> tuple[Operator, ...]:

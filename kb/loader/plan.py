@@ -6,19 +6,19 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from kb.asp import AspError, ground_term
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.amounts import amounts_of
-from kb.loader.domain import Rewrite, as_written, read_domain
-from kb.loader.problem import read_problem
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.references import domain_file
-from kb.loader.tree import Node, read_file
-from kb.model.amounts import Amounts
-from kb.model.plan import CausalLink, Claims, Happened, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.model.traits import step_of
-from kb.terms import Function
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.loader.domain import Rewrite, as_written, read_domain
+from cellwright.kb.loader.problem import read_problem
+from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
+from cellwright.kb.loader.references import domain_file
+from cellwright.kb.loader.tree import Node, read_file
+from cellwright.kb.model.amounts import Amounts
+from cellwright.kb.model.plan import CausalLink, Claims, Happened, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.traits import step_of
+from cellwright.kb.terms import Function
 
 MAX_BYTES = 256 * 2**20  # of a plan of half a million steps
 MAX_VALUES = 25_000_000

@@ -3,21 +3,21 @@
 import dataclasses
 from collections.abc import Iterator
 
-from kb.diagnostics import unknown_name
-from kb.loader.command import commanded
-from kb.loader.declarations import read_objects
-from kb.loader.inference import Typing, has_arithmetic, scoped
-from kb.loader.names import READABLE, Names
-from kb.loader.numeric import with_values
-from kb.loader.reader import Expression, Findings, Reader
-from kb.loader.tree import Node
-from kb.loader.workflow import read_chains
-from kb.model.bindings import free_variables
-from kb.model.conditions import TRUE, And, Condition
-from kb.model.domain import Domain, Kind
-from kb.model.problem import Problem
-from kb.model.quantities import misvalued
-from kb.terms import Atom, Function, Number, is_ground, variables
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.command import commanded
+from cellwright.kb.loader.declarations import read_objects
+from cellwright.kb.loader.inference import Typing, has_arithmetic, scoped
+from cellwright.kb.loader.names import READABLE, Names
+from cellwright.kb.loader.numeric import with_values
+from cellwright.kb.loader.reader import Expression, Findings, Reader
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.loader.workflow import read_chains
+from cellwright.kb.model.bindings import free_variables
+from cellwright.kb.model.conditions import TRUE, And, Condition
+from cellwright.kb.model.domain import Domain, Kind
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.quantities import misvalued
+from cellwright.kb.terms import Atom, Function, Number, is_ground, variables
 
 
 def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: Findings) -> Problem:

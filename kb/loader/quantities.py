@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from kb.files import is_file, within
-from kb.loader.reader import Findings
-from kb.loader.tree import Node
-from kb.model.shapes import (
+from cellwright.kb.files import is_file, within
+from cellwright.kb.loader.reader import Findings
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.shapes import (
     LARGEST,
     MESHES,
     Box,
@@ -29,7 +29,7 @@ from kb.model.shapes import (
     Tube,
     Vector,
 )
-from kb.schema.solids import QUANTITY
+from cellwright.kb.schema.solids import QUANTITY
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}
@@ -192,7 +192,7 @@ def _polyhedron(read: Quantities, node: Node) -> Shape:
 
 def _known(read: Quantities, node: Node, vertices: dict[str, Vector]) -> tuple[str, ...]:
     """The vertex names in a list. Unknown names are reported and left out."""
-    from kb.diagnostics import unknown_name
+    from cellwright.kb.diagnostics import unknown_name
 
     names = []
     for item in node.value:

@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from kb.diagnostics import NOWHERE, Diagnostic, InvalidInput, Source
-from kb.loader.node import MAX_NODES
-from kb.loader.tree import File, Node, read_tree
-from kb.model.statement import Statement
-from kb.schema import Deviation, deviations
-from kb.syntax import ExpressionError, Parsed, parse
-from kb.terms import Function, Variable
+from cellwright.kb.diagnostics import NOWHERE, Diagnostic, InvalidInput, Source
+from cellwright.kb.loader.node import MAX_NODES
+from cellwright.kb.loader.tree import File, Node, read_tree
+from cellwright.kb.model.statement import Statement
+from cellwright.kb.schema import Deviation, deviations
+from cellwright.kb.syntax import ExpressionError, Parsed, parse
+from cellwright.kb.terms import Function, Variable
 
 MAX_OBJECTS = 100_000  # names in one file, with all names of ranges
 MAX_FINDINGS = 1000
@@ -179,8 +179,8 @@ class Reader:
 
 def _read_aggregate(text: str, offset: int) -> Statement:
     """What an aggregate of an expression reads, as the constraint that forbids it. Raises `ExpressionError`."""
-    from kb.asp import AspError
-    from kb.asp.statements import RefusedStatement, statements
+    from cellwright.kb.asp import AspError
+    from cellwright.kb.asp.statements import RefusedStatement, statements
 
     try:
         (read,) = statements(f":- {text}.", lambda _line, _column: NOWHERE, pools=True)

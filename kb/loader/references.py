@@ -4,10 +4,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import first_bytes, is_file, is_there, read_file
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.targets import DOMAIN_FILE, bundled, find
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.files import first_bytes, is_file, is_there, read_file
+from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
+from cellwright.kb.targets import DOMAIN_FILE, bundled, find
 
 SUFFIXES = (
     ".yaml",

@@ -5,17 +5,17 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from kb.asp import AspError
-from kb.asp.compiled import NotCompilable, compiled
-from kb.asp.statements import ParsedStatement, RefusedStatement, statements, unsafe
-from kb.diagnostics import Source, nearest
-from kb.files import File, is_file, within
-from kb.graphs import components
-from kb.loader.names import Names, count_of
-from kb.loader.reader import Reader
-from kb.loader.tree import SHORT, Node
-from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Kind, Rule
-from kb.model.statement import Sign, Signature, Statement
+from cellwright.kb.asp import AspError
+from cellwright.kb.asp.compiled import NotCompilable, compiled
+from cellwright.kb.asp.statements import ParsedStatement, RefusedStatement, statements, unsafe
+from cellwright.kb.diagnostics import Source, nearest
+from cellwright.kb.files import File, is_file, within
+from cellwright.kb.graphs import components
+from cellwright.kb.loader.names import Names, count_of
+from cellwright.kb.loader.reader import Reader
+from cellwright.kb.loader.tree import SHORT, Node
+from cellwright.kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Kind, Rule
+from cellwright.kb.model.statement import Sign, Signature, Statement
 
 Read = list[ParsedStatement]
 

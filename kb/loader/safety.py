@@ -1,17 +1,17 @@
 """Reports variables without a value (an error: numbers, times and texts cannot be enumerated), and warns of variables used only once.
 
-See Meaning 2 in the language reference. What binds a variable is said in `kb.model.bindings`.
+See Meaning 2 in the language reference. What binds a variable is said in `cellwright.kb.model.bindings`.
 """
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
-from kb.diagnostics import nearest
-from kb.loader.names import Names
-from kb.loader.reader import Expression
-from kb.model.bindings import free_variables
-from kb.model.conditions import (
+from cellwright.kb.diagnostics import nearest
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Expression
+from cellwright.kb.model.bindings import free_variables
+from cellwright.kb.model.conditions import (
     Aggregate,
     Comparison,
     Condition,
@@ -19,7 +19,7 @@ from kb.model.conditions import (
     conditions,
     part_variables,
 )
-from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
+from cellwright.kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
 
 
 def refuse_unbound(

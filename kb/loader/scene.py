@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from kb.diagnostics import Source, unknown_name
-from kb.loader.arm import quantities_of
-from kb.loader.calibration import load_calibration
-from kb.loader.cell import read_cell
-from kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.tree import Node, read_file
-from kb.model.cell import WORLD, Cell, Placement
-from kb.model.scene import DENSITY, INSET_M, CameraEntry, HandEntry, SaidRelation, Scene
+from cellwright.kb.diagnostics import Source, unknown_name
+from cellwright.kb.loader.arm import quantities_of
+from cellwright.kb.loader.calibration import load_calibration
+from cellwright.kb.loader.cell import read_cell
+from cellwright.kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
+from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
+from cellwright.kb.loader.tree import Node, read_file
+from cellwright.kb.model.cell import WORLD, Cell, Placement
+from cellwright.kb.model.scene import DENSITY, INSET_M, CameraEntry, HandEntry, SaidRelation, Scene
 
 KINDS = ("parallel", "against", "coplanar", "aligned", "fits", "concentric", "distance", "angle")
 MEASURED = {"distance": LENGTH, "angle": ANGLE}

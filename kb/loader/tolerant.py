@@ -1,4 +1,4 @@
-"""What can be read of a text that may be broken: its trees, piece by piece. The strict reader is `kb.loader.tree`.
+"""What can be read of a text that may be broken: its trees, piece by piece. The strict reader is `cellwright.kb.loader.tree`.
 
 A file is cut at the lines that begin a section, and each section at those that begin an entry of it, so an error spoils one
 entry and not the file. In a broken entry, lines are left out until the rest is YAML.
@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import yaml
 
-from kb.diagnostics import InvalidInput
-from kb.files import File
-from kb.loader.node import MAX_NODES, Node
-from kb.loader.tree import Composer
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import File
+from cellwright.kb.loader.node import MAX_NODES, Node
+from cellwright.kb.loader.tree import Composer
 
 MAX_TRIES = 6  # lines that are left out of one broken entry
 _SECTION = re.compile(r"^(?![#%\]}]|-{3}|\.{3})\S[^\n]*$", re.MULTILINE)

@@ -11,10 +11,10 @@ from typing import Any
 
 import yaml
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, read_file, unprintable
-from kb.loader.json_tree import json_tree
-from kb.loader.node import MAX_DEPTH, MAX_NODES, Node, too_many
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, read_file, unprintable
+from cellwright.kb.loader.json_tree import json_tree
+from cellwright.kb.loader.node import MAX_DEPTH, MAX_NODES, Node, too_many
 
 __all__ = ["File", "Node", "read_file", "read_tree"]
 

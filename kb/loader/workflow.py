@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from math import prod
 
-from kb.diagnostics import unknown_name
-from kb.loader.inference import Typing
-from kb.loader.names import Names
-from kb.loader.reader import Expression, Reader
-from kb.loader.tree import Node
-from kb.model.domain import Kind
-from kb.model.problem import Chain
-from kb.terms import ANYTHING, Function, Term, Variable, parts_of, substitute_atom, variables
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.inference import Typing
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.reader import Expression, Reader
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.problem import Chain
+from cellwright.kb.terms import ANYTHING, Function, Term, Variable, parts_of, substitute_atom, variables
 
 STAGES = (Kind.EVENT, Kind.FLUENT)
 MAX_CHAINS = 10_000

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File
 
 MAX_DEPTH = 50
 MAX_ELEMENTS = 200_000

@@ -7,10 +7,10 @@ In a duration or a cost, `weight(Tool)` stands for the last argument of the only
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from kb.arithmetic import evaluate, wraps
-from kb.model.domain import NUMERIC_TYPES, Domain, Kind, Operator, Predicate
-from kb.model.motion import DISTANCE, Motion, Point, distance
-from kb.terms import Function, Number, Operation, Substitution, Term, substitute
+from cellwright.kb.arithmetic import evaluate, wraps
+from cellwright.kb.model.domain import NUMERIC_TYPES, Domain, Kind, Operator, Predicate
+from cellwright.kb.model.motion import DISTANCE, Motion, Point, distance
+from cellwright.kb.terms import Function, Number, Operation, Substitution, Term, substitute
 
 LARGEST = 2**31 - 1  # clingo counts in 32 bits
 

@@ -5,7 +5,7 @@ See Meaning 2 in the language reference.
 
 from collections.abc import Collection, Iterable, Iterator
 
-from kb.model.conditions import (
+from cellwright.kb.model.conditions import (
     Aggregate,
     And,
     Comparison,
@@ -20,7 +20,7 @@ from kb.model.conditions import (
     part_variables,
     substitute_part,
 )
-from kb.terms import ANYTHING, Function, Substitution, Term, Variable, variables
+from cellwright.kb.terms import ANYTHING, Function, Substitution, Term, Variable, variables
 
 
 def free_variables(condition: Condition) -> tuple[Variable, ...]:
@@ -74,7 +74,7 @@ def binding(term: Term) -> Iterator[Variable]:
 
 def extended(parameters: Iterable[Parameter]) -> set[Variable]:
     """The parameters whose type has values that can be enumerated."""
-    from kb.model.domain import UNLISTED
+    from cellwright.kb.model.domain import UNLISTED
 
     return {parameter.variable for parameter in parameters if parameter.type not in UNLISTED}
 

@@ -1,18 +1,18 @@
 """The cell: arms, frames, bodies, regions and places, as values. Lengths are in metres, angles in radians.
 
 A frame's location is a `Placement`: the pose `T_parent_frame` in a named parent. Nothing is computed here;
-`engine.stages.geometry` computes collisions and reach.
+`cellwright.engine.stages.geometry` computes collisions and reach.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from kb.diagnostics import NOWHERE, Source
-from kb.model.ranging import Ranging
-from kb.model.sensors import Sensor
-from kb.model.shapes import HERE, Offsets, PlacedShape, Pose, Shape, Vector
-from kb.terms import Atom, Function, Term
+from cellwright.kb.diagnostics import NOWHERE, Source
+from cellwright.kb.model.ranging import Ranging
+from cellwright.kb.model.sensors import Sensor
+from cellwright.kb.model.shapes import HERE, Offsets, PlacedShape, Pose, Shape, Vector
+from cellwright.kb.terms import Atom, Function, Term
 
 WORLD = "world"
 TOUCH_M = 0.005  # how deep things may overlap that touch by intention, unless the place says otherwise

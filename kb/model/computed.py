@@ -6,9 +6,9 @@ After that, arithmetic occurs only in comparisons, and the search for bindings c
 import itertools
 from dataclasses import replace
 
-from kb.model.conditions import Body, BodyPart, Comparison, Element, Literal, StateAggregate
-from kb.model.domain import Domain, Rule
-from kb.terms import Atom, Function, Operation, Term, Variable
+from cellwright.kb.model.conditions import Body, BodyPart, Comparison, Element, Literal, StateAggregate
+from cellwright.kb.model.domain import Domain, Rule
+from cellwright.kb.terms import Atom, Function, Operation, Term, Variable
 
 
 def with_named_values(domain: Domain) -> Domain:

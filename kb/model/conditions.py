@@ -6,8 +6,8 @@ The domain language and PDDL share this one language of formulas.
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from kb.model.statement import Signature
-from kb.terms import (
+from cellwright.kb.model.statement import Signature
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Function,

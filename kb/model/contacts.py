@@ -1,6 +1,6 @@
 """The contact model in `contacts.yaml`: object classes with anchor points, and the contacts that objects can have.
 
-After Matthiesen, section 4. Lengths are in metres, angles in radians. Nothing is computed here; `engine.stages.states`
+After Matthiesen, section 4. Lengths are in metres, angles in radians. Nothing is computed here; `cellwright.engine.stages.states`
 generates the contact states.
 """
 
@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from kb.diagnostics import NOWHERE, Source
-from kb.model.octuples import NOTHING, Bindings, Octuple, Quadruple, matches
-from kb.model.shapes import HERE, Pose
-from kb.terms import Atom
+from cellwright.kb.diagnostics import NOWHERE, Source
+from cellwright.kb.model.octuples import NOTHING, Bindings, Octuple, Quadruple, matches
+from cellwright.kb.model.shapes import HERE, Pose
+from cellwright.kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,14 +6,14 @@ from enum import Enum
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from kb.diagnostics import NOWHERE, Source
-from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter, StateAggregate
-from kb.model.statement import Statement
-from kb.terms import Atom, Function, Term, Variable
+from cellwright.kb.diagnostics import NOWHERE, Source
+from cellwright.kb.model.conditions import TRUE, Body, Condition, Literal, Parameter, StateAggregate
+from cellwright.kb.model.statement import Statement
+from cellwright.kb.terms import Atom, Function, Term, Variable
 
 if TYPE_CHECKING:
-    from kb.model.conventions import Conventions
-    from kb.model.motion import Motion
+    from cellwright.kb.model.conventions import Conventions
+    from cellwright.kb.model.motion import Motion
 
 TOOLS = ("sequencer", "library", "planner", "scheduler", "diagnosis")  # of the top level of a run
 OBJECT = "object"
@@ -217,7 +217,7 @@ class Phrase:
 
 @lru_cache(maxsize=64)
 def _conventions(renamed: tuple[tuple[str, str], ...]) -> "Conventions":
-    from kb.model.conventions import Conventions  # only measurements and schedules use them
+    from cellwright.kb.model.conventions import Conventions  # only measurements and schedules use them
 
     return Conventions(**dict(renamed))
 

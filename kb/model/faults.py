@@ -7,9 +7,9 @@ Atoms may contain variables. The interrupted step binds those of its operator; a
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from kb.diagnostics import NOWHERE, Source
-from kb.graphs import components
-from kb.terms import ANYTHING, Atom, Function, Term
+from cellwright.kb.diagnostics import NOWHERE, Source
+from cellwright.kb.graphs import components
+from cellwright.kb.terms import ANYTHING, Atom, Function, Term
 
 
 @dataclass(frozen=True, slots=True)

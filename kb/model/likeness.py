@@ -6,7 +6,7 @@ objects ties them, and then neither is left out.
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from kb.model.conditions import (
+from cellwright.kb.model.conditions import (
     Aggregate,
     Body,
     BodyPart,
@@ -18,10 +18,10 @@ from kb.model.conditions import (
     Parameter,
     StateAggregate,
 )
-from kb.model.conditions import conditions as parts_of
-from kb.model.domain import Domain, Operator
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Operation, Term
+from cellwright.kb.model.conditions import conditions as parts_of
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Operation, Term
 
 STAND_IN = Function("?")
 

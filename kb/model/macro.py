@@ -1,16 +1,16 @@
 """The MACROP: a plan with variables, and the conditions under which an instance is a plan (ITA, figure 4).
 
-It is a value that files and databases hold. `engine.stages.macros` makes MACROPs.
+It is a value that files and databases hold. `cellwright.engine.stages.macros` makes MACROPs.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from kb.model.conditions import Body, Comparison, Literal, Parameter
-from kb.model.domain import Domain
-from kb.model.plan import CausalLink, StepId
-from kb.terms import Atom, Function, Number, Term, Variable
+from cellwright.kb.model.conditions import Body, Comparison, Literal, Parameter
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.plan import CausalLink, StepId
+from cellwright.kb.terms import Atom, Function, Number, Term, Variable
 
 NO_TIME, ONE = Number(0), Number(1)
 

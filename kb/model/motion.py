@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from kb.diagnostics import NOWHERE, Source
+from cellwright.kb.diagnostics import NOWHERE, Source
 
 Point = tuple[int, int, int]  # micrometres
 

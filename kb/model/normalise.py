@@ -9,8 +9,8 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from kb.model.bindings import bind, free_variables
-from kb.model.conditions import (
+from cellwright.kb.model.bindings import bind, free_variables
+from cellwright.kb.model.conditions import (
     And,
     BodyPart,
     Comparison,
@@ -22,8 +22,8 @@ from kb.model.conditions import (
     Or,
     Parameter,
 )
-from kb.model.domain import BUILT_IN_TYPES, OBJECT, Rule
-from kb.terms import Function, Variable
+from cellwright.kb.model.domain import BUILT_IN_TYPES, OBJECT, Rule
+from cellwright.kb.terms import Function, Variable
 
 Disjunct = tuple[BodyPart, ...]
 NEGATED = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}

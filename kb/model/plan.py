@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import NewType
 
-from kb.terms import Atom, Function, Term
+from cellwright.kb.terms import Atom, Function, Term
 
 StepId = NewType("StepId", int)
 START = StepId(0)  # produces the initial state

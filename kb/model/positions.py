@@ -2,8 +2,8 @@
 
 import math
 
-from kb.model.cell import WORLD, Cell, Placement
-from kb.model.shapes import Pose, Vector
+from cellwright.kb.model.cell import WORLD, Cell, Placement
+from cellwright.kb.model.shapes import Pose, Vector
 
 
 def position(cell: Cell, place: str, frame: str = WORLD) -> Vector | None:

@@ -4,10 +4,10 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from kb.diagnostics import NOWHERE, Source
-from kb.model.conditions import TRUE, Condition
-from kb.model.domain import Domain
-from kb.terms import Atom, Function, Term
+from cellwright.kb.diagnostics import NOWHERE, Source
+from cellwright.kb.model.conditions import TRUE, Condition
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.terms import Atom, Function, Term
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class Chain:
     `after` names chains that must be finished first. The last stage must still hold at the end, unless a
     chain of the same subject comes after this one. Any atom that fits reaches a fluent stage with `_`. Such a
     stage need not last, unless a goal says so. A stage of several fluents that are reached together is one term, `&` of
-    them (`kb.terms.together`). A chain that is not `wanted` says which events may occur, in their order; none of them has to.
+    them (`cellwright.kb.terms.together`). A chain that is not `wanted` says which events may occur, in their order; none of them has to.
     """
 
     name: str

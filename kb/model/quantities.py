@@ -6,9 +6,9 @@ that adds the new value, so what reads domains needs to know fluents only.
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from kb.model.conditions import And, Comparison, Condition, Exists, Literal, Parameter
-from kb.model.domain import Effect, Quantity
-from kb.terms import Atom, Function, Number, Operation, Term, Variable
+from cellwright.kb.model.conditions import And, Comparison, Condition, Exists, Literal, Parameter
+from cellwright.kb.model.domain import Effect, Quantity
+from cellwright.kb.terms import Atom, Function, Number, Operation, Term, Variable
 
 Fresh = Iterator[int]
 Values = Mapping[Function, Variable]

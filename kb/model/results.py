@@ -5,7 +5,7 @@ Times in `_ms` are milliseconds since the run began.
 
 from dataclasses import dataclass
 
-from kb.model.conformity import RISK, Conformity, conformity
+from cellwright.kb.model.conformity import RISK, Conformity, conformity
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ Lengths are in metres, angles in radians.
 import math
 from dataclasses import dataclass, field
 
-from kb.diagnostics import NOWHERE, Source
-from kb.model.cell import Cell, Placement
+from cellwright.kb.diagnostics import NOWHERE, Source
+from cellwright.kb.model.cell import Cell, Placement
 
 ON_FLOOR = Placement()
 INSET_M, DENSITY = 0.015, 1000.0

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from kb.diagnostics import NOWHERE, Source
+from cellwright.kb.diagnostics import NOWHERE, Source
 
 Vector = tuple[float, float, float]
 MESHES = (".stl", ".obj", ".dae")  # kinds of mesh files, by the ends of their names

@@ -1,6 +1,6 @@
 """A statement of ASP as a value: the predicates that it defines and uses, its place, and its text for clingo.
 
-`kb.asp.statements` makes statements from files, once. All questions about a rule are answered by the value,
+`cellwright.kb.asp.statements` makes statements from files, once. All questions about a rule are answered by the value,
 never by a look into the text. The text can mislead: `beside(` contains `ide(`, and a quoted text may contain
 anything.
 """
@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
-from kb.diagnostics import NOWHERE, Source
-from kb.terms import Atom, variables
+from cellwright.kb.diagnostics import NOWHERE, Source
+from cellwright.kb.terms import Atom, variables
 
 Signature = tuple[str, int]
 """A predicate's name and how many arguments it has."""

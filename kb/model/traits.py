@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from kb.arithmetic import evaluate
-from kb.model.amounts import Amounts, NoAmount
-from kb.model.domain import Operator
-from kb.model.plan import Step, StepId
-from kb.terms import Function, Term, substitute
+from cellwright.kb.arithmetic import evaluate
+from cellwright.kb.model.amounts import Amounts, NoAmount
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.terms import Function, Term, substitute
 
 
 @dataclass(frozen=True, slots=True)

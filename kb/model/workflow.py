@@ -16,9 +16,9 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Se
 from dataclasses import replace
 from typing import Protocol
 
-from kb.model.domain import Domain, Kind
-from kb.model.problem import Chain
-from kb.terms import Atom, is_ground, match, parts_of, together
+from cellwright.kb.model.domain import Domain, Kind
+from cellwright.kb.model.problem import Chain
+from cellwright.kb.terms import Atom, is_ground, match, parts_of, together
 
 Reached = Mapping[str, int]  # for each chain, how many of its stages are reached
 Holds = Callable[[Atom], bool]  # whether a fluent stage holds in a state; `_` in it stands for anything

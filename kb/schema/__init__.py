@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from kb.schema.validation import Deviation, deviations, keys_at, model_of, values_at
+from cellwright.kb.schema.validation import Deviation, deviations, keys_at, model_of, values_at
 
 __all__ = ["KINDS", "Deviation", "deviations", "json_schema", "keys_at", "values_at"]
 

@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
-from kb.schema.shapes import Strict
-from kb.schema.solids import Pair, PoseEntry, Quantity, ShapeEntry, UnitsEntry
+from cellwright.kb.schema.shapes import Strict
+from cellwright.kb.schema.solids import Pair, PoseEntry, Quantity, ShapeEntry, UnitsEntry
 
 
 class DhEntry(Strict):

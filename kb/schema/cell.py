@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from kb.schema.shapes import Expression, Strict, Truth
-from kb.schema.solids import Pair, PlacedEntry, PoseEntry, Quantity, ShapeEntry, Triple, UnitsEntry
+from cellwright.kb.schema.shapes import Expression, Strict, Truth
+from cellwright.kb.schema.solids import Pair, PlacedEntry, PoseEntry, Quantity, ShapeEntry, Triple, UnitsEntry
 
 
 class MountedArmEntry(PlacedEntry):

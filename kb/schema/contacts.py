@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from kb.schema.shapes import Expression, Names, Strict, Truth
-from kb.schema.solids import PoseEntry, UnitsEntry
+from cellwright.kb.schema.shapes import Expression, Names, Strict, Truth
+from cellwright.kb.schema.solids import PoseEntry, UnitsEntry
 
 Template = Annotated[
     str,

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from kb.schema.domain import Sections
-from kb.schema.shapes import Strict
+from cellwright.kb.schema.domain import Sections
+from cellwright.kb.schema.shapes import Strict
 
 Meaning = Annotated[str, Field(description="what it means, in a few words")]
 

@@ -5,8 +5,8 @@ from typing import Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
-from kb.model.conventions import CONVENTIONS
-from kb.schema.shapes import Expression, Names, Strict, Truth, VariableTypes, WholeNumber
+from cellwright.kb.model.conventions import CONVENTIONS
+from cellwright.kb.schema.shapes import Expression, Names, Strict, Truth, VariableTypes, WholeNumber
 
 
 class StaticEntry(Strict):

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from kb.schema.problem import ProblemFile
+from cellwright.kb.schema.problem import ProblemFile
 
 
 class _Strict(BaseModel):

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from kb.schema.shapes import Expression, Facts, Names, Strict, Truth, WholeNumber
+from cellwright.kb.schema.shapes import Expression, Facts, Names, Strict, Truth, WholeNumber
 
 
 class WorkflowEntry(Strict):

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from kb.diagnostics import nearest
+from cellwright.kb.diagnostics import nearest
 
 Path = tuple[str | int, ...]
 CUT_OFF = "a comma between { and } ends a value: put the whole value in quotes"
@@ -52,7 +52,7 @@ MODELS = {
 def model_of(kind: str) -> type[BaseModel]:
     """The model of a kind of file, imported when it is needed. Raises `KeyError`."""
     module, name = MODELS[kind]
-    found: type[BaseModel] = getattr(import_module(f"kb.schema.{module}"), name)
+    found: type[BaseModel] = getattr(import_module(f"cellwright.kb.schema.{module}"), name)
     return found
 
 

@@ -7,11 +7,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kb.store.documents import document, dumps, loads, macrop_of
-    from kb.store.library import Library
-    from kb.store.notation import NotationError, Requirement
-    from kb.store.outlines import Outline
-    from kb.store.records import Figures, Record, Stored, Use
+    from cellwright.kb.store.documents import document, dumps, loads, macrop_of
+    from cellwright.kb.store.library import Library
+    from cellwright.kb.store.notation import NotationError, Requirement
+    from cellwright.kb.store.outlines import Outline
+    from cellwright.kb.store.records import Figures, Record, Stored, Use
 
 __all__ = [
     "Figures",
@@ -40,4 +40,4 @@ _WHERE = {
 def __getattr__(name: str) -> Any:
     if name not in _WHERE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"kb.store.{_WHERE[name]}"), name)
+    return getattr(import_module(f"cellwright.kb.store.{_WHERE[name]}"), name)

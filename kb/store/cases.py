@@ -19,9 +19,9 @@ from sqlalchemy import (
     update,
 )
 
-from kb.json_text import parsed
-from kb.store.engines import MIGRATION, lock, refusal, transaction
-from kb.store.opening import Database
+from cellwright.kb.json_text import parsed
+from cellwright.kb.store.engines import MIGRATION, lock, refusal, transaction
+from cellwright.kb.store.opening import Database
 
 metadata = MetaData()
 cases = Table(

@@ -9,17 +9,17 @@ from typing import Any
 
 from sqlalchemy import Column, Connection, Engine, Table, func, inspect, select, text
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.json_text import parsed
-from kb.store.cases import cases
-from kb.store.cases import metadata as case_tables
-from kb.store.documents import loads
-from kb.store.engines import refusal, transaction
-from kb.store.journal import lines, runs
-from kb.store.journal import metadata as journal_tables
-from kb.store.notation import NotationError
-from kb.store.opening import existing
-from kb.store.schema import (
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.json_text import parsed
+from cellwright.kb.store.cases import cases
+from cellwright.kb.store.cases import metadata as case_tables
+from cellwright.kb.store.documents import loads
+from cellwright.kb.store.engines import refusal, transaction
+from cellwright.kb.store.journal import lines, runs
+from cellwright.kb.store.journal import metadata as journal_tables
+from cellwright.kb.store.notation import NotationError
+from cellwright.kb.store.opening import existing
+from cellwright.kb.store.schema import (
     CURRENT,
     dependencies,
     fingerprint,
@@ -33,7 +33,7 @@ from kb.store.schema import (
     version_of,
     versions,
 )
-from kb.store.schema import metadata as library_tables
+from cellwright.kb.store.schema import metadata as library_tables
 
 MOST = 5  # findings of one kind
 CODE = "K422"

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from sqlalchemy import Connection, Engine, Table, delete, func, insert, inspect, select, text
 
-from kb.diagnostics import InvalidInput
-from kb.files import is_file, is_there
-from kb.store.cases import metadata as case_tables
-from kb.store.checking import checked, tables
-from kb.store.engines import address, connected, refusal, transaction
-from kb.store.journal import metadata as journal_tables
-from kb.store.opening import existing, opened
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import is_file, is_there
+from cellwright.kb.store.cases import metadata as case_tables
+from cellwright.kb.store.checking import checked, tables
+from cellwright.kb.store.engines import address, connected, refusal, transaction
+from cellwright.kb.store.journal import metadata as journal_tables
+from cellwright.kb.store.opening import existing, opened
 
 ROWS = 1000  # that are copied at once
 _FULL = "name an empty one, or put a backup in its place: `cellwright store restore BACKUP --replace`"

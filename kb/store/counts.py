@@ -10,8 +10,8 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Select, Table, bindparam, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from kb.store.records import Use
-from kb.store.schema import macrops, trials, usage
+from cellwright.kb.store.records import Use
+from cellwright.kb.store.schema import macrops, trials, usage
 
 
 def _held(*own: ColumnElement[bool]) -> Select[Any]:

@@ -4,12 +4,12 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from kb.json_text import parsed
-from kb.model.conditions import Comparison, Parameter
-from kb.model.macro import MacroChain, Macrop, MacroPart, MacroStep
-from kb.model.plan import CausalLink, StepId
-from kb.store.notation import NotationError, read_atom, read_literal, read_part, read_term
-from kb.terms import Variable
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.conditions import Comparison, Parameter
+from cellwright.kb.model.macro import MacroChain, Macrop, MacroPart, MacroStep
+from cellwright.kb.model.plan import CausalLink, StepId
+from cellwright.kb.store.notation import NotationError, read_atom, read_literal, read_part, read_term
+from cellwright.kb.terms import Variable
 
 
 def document(macrop: Macrop) -> dict[str, Any]:

@@ -9,14 +9,14 @@ from dataclasses import replace
 
 from sqlalchemy import Connection, select
 
-from kb.store.counts import add_trials, add_uses
-from kb.store.documents import dumps
-from kb.store.engines import transaction
-from kb.store.library import Library, removed
-from kb.store.outlines import chunks
-from kb.store.records import Record, Stored, Use
-from kb.store.schema import fingerprint, macrops
-from kb.store.utilities import Figures, Utility, add_figures
+from cellwright.kb.store.counts import add_trials, add_uses
+from cellwright.kb.store.documents import dumps
+from cellwright.kb.store.engines import transaction
+from cellwright.kb.store.library import Library, removed
+from cellwright.kb.store.outlines import chunks
+from cellwright.kb.store.records import Record, Stored, Use
+from cellwright.kb.store.schema import fingerprint, macrops
+from cellwright.kb.store.utilities import Figures, Utility, add_figures
 
 FIRST = 2**31  # the first number of a MACROP that is not written: above all numbers that a database gives
 NO_USE = Use(0, 0.0)

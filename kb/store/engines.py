@@ -22,7 +22,7 @@ from urllib.parse import quote
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError, InvalidatePoolError, OperationalError, SQLAlchemyError
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 BUSY_S = 60.0  # how long a SQLite writer waits for others
 MIGRATION, POSES, DRAFTS = 0x43656C6C, 0x43656C6D, 0x43656C6E  # keys of PostgreSQL's advisory locks

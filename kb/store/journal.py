@@ -19,10 +19,10 @@ from sqlalchemy import (
     select,
 )
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.json_text import parsed
-from kb.store.engines import MIGRATION, lock, refusal, transaction
-from kb.store.opening import Database
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.json_text import parsed
+from cellwright.kb.store.engines import MIGRATION, lock, refusal, transaction
+from cellwright.kb.store.opening import Database
 
 metadata = MetaData()
 runs = Table(

@@ -5,18 +5,18 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from sqlalchemy import Connection, Engine, bindparam, delete, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from kb.diagnostics import InvalidInput
-from kb.model.macro import Macrop
-from kb.store.counts import add_trials, add_uses, holdings, trials_of
-from kb.store.documents import dumps, loads
-from kb.store.engines import is_writable, refusal, transaction
-from kb.store.notation import NotationError, Requirement
-from kb.store.opening import Database, otherwise
-from kb.store.outlines import Outline, SharedTexts, chunks, words_of
-from kb.store.records import Figures, Record, Stored, Use
-from kb.store.schema import depends_text, fingerprint, macrops, outlines, usage, version_of
-from kb.store.utilities import Figures as Utilities
-from kb.store.utilities import Utility, add_figures, figures_in
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.store.counts import add_trials, add_uses, holdings, trials_of
+from cellwright.kb.store.documents import dumps, loads
+from cellwright.kb.store.engines import is_writable, refusal, transaction
+from cellwright.kb.store.notation import NotationError, Requirement
+from cellwright.kb.store.opening import Database, otherwise
+from cellwright.kb.store.outlines import Outline, SharedTexts, chunks, words_of
+from cellwright.kb.store.records import Figures, Record, Stored, Use
+from cellwright.kb.store.schema import depends_text, fingerprint, macrops, outlines, usage, version_of
+from cellwright.kb.store.utilities import Figures as Utilities
+from cellwright.kb.store.utilities import Utility, add_figures, figures_in
 
 
 class Library(Database):

@@ -1,15 +1,15 @@
 """Terms and literals of stored MACROPs, read from the text that `str` made of them.
 
 Libraries contain hundreds of thousands of short texts, but few different ones. So this is a small hand-written reader with
-a cache. Texts written by people are read by `kb.syntax`.
+a cache. Texts written by people are read by `cellwright.kb.syntax`.
 """
 
 import functools
 import re
 
-from kb.model.conditions import BodyPart, Comparison, Literal
-from kb.numbers import NumberError, whole
-from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
+from cellwright.kb.model.conditions import BodyPart, Comparison, Literal
+from cellwright.kb.numbers import NumberError, whole
+from cellwright.kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
 
 _TOKEN = re.compile(
     r"""\s*(?:(?P<number>-?[0-9]+)|(?P<text>"(?:[^"\\]|\\.)*")|(?P<name>[A-Za-z_][A-Za-z0-9_@']*)"""

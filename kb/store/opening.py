@@ -10,9 +10,9 @@ from typing import Any, Self
 from sqlalchemy import Engine, event
 from sqlalchemy.exc import SQLAlchemyError
 
-from kb.diagnostics import InvalidInput
-from kb.files import is_file
-from kb.store.engines import (
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import is_file
+from cellwright.kb.store.engines import (
     MIGRATION,
     OutOfReach,
     connected,
@@ -23,7 +23,7 @@ from kb.store.engines import (
     transaction,
     write_ahead,
 )
-from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
+from cellwright.kb.store.schema import CURRENT, NewerSchema, migrate, version_of
 
 _opened: dict[str, None] = {}
 

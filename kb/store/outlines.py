@@ -12,12 +12,12 @@ from typing import Any
 from sqlalchemy import Connection, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from kb.diagnostics import InvalidInput
-from kb.json_text import parsed
-from kb.store.engines import refusal
-from kb.store.notation import Requirement
-from kb.store.records import Saving
-from kb.store.schema import fingerprint, macrops, outlines, shared, usage
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.json_text import parsed
+from cellwright.kb.store.engines import refusal
+from cellwright.kb.store.notation import Requirement
+from cellwright.kb.store.records import Saving
+from cellwright.kb.store.schema import fingerprint, macrops, outlines, shared, usage
 
 CHUNK = 500  # the number of rows in one statement
 

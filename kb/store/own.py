@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 
 def default_store() -> str:

@@ -4,10 +4,10 @@ from collections.abc import Collection, Mapping
 
 from sqlalchemy import delete, insert, select
 
-from kb.store.engines import POSES, lock, transaction
-from kb.store.opening import Database
-from kb.store.outlines import chunks
-from kb.store.schema import poses
+from cellwright.kb.store.engines import POSES, lock, transaction
+from cellwright.kb.store.opening import Database
+from cellwright.kb.store.outlines import chunks
+from cellwright.kb.store.schema import poses
 
 Key = tuple[str, str, str]  # measurement, tool, station
 

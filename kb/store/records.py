@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from kb.model.macro import Macrop
-from kb.store.notation import Requirement
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.store.notation import Requirement
 
 
 class Saving:

@@ -12,10 +12,10 @@ from typing import Any
 from sqlalchemy import bindparam, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from kb.json_text import parsed
-from kb.store.engines import refusal, transaction
-from kb.store.opening import Database
-from kb.store.schema import sequences
+from cellwright.kb.json_text import parsed
+from cellwright.kb.store.engines import refusal, transaction
+from cellwright.kb.store.opening import Database
+from cellwright.kb.store.schema import sequences
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,12 @@ from typing import Any
 from sqlalchemy import Connection, delete, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from kb.json_text import parsed
-from kb.store.draft import Draft
-from kb.store.engines import DRAFTS, is_writable, lock, transaction
-from kb.store.opening import Database
-from kb.store.outlines import chunks
-from kb.store.schema import units
+from cellwright.kb.json_text import parsed
+from cellwright.kb.store.draft import Draft
+from cellwright.kb.store.engines import DRAFTS, is_writable, lock, transaction
+from cellwright.kb.store.opening import Database
+from cellwright.kb.store.outlines import chunks
+from cellwright.kb.store.schema import units
 
 
 class UnitStore(Database):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from kb.store.schema import macrops, utility
+from cellwright.kb.store.schema import macrops, utility
 
 RARELY, SELDOM = 8, 4  # after 8 offers, at least one in 4 must have been used
 PAYS = 0.85  # the largest share of the work without it that pays

@@ -11,14 +11,23 @@ from typing import Any
 from lark import Lark, Token, Transformer, UnexpectedInput, v_args
 from lark.exceptions import VisitError
 
-from kb.model.bindings import free_variables
-from kb.model.conditions import Aggregate, Comparison, Condition, ForAll, Literal, Not, Or, Parameter
-from kb.model.statement import Statement
-from kb.plain_terms import plain_terms
-from kb.syntax.checks import ExpressionError, check_brackets, check_size
-from kb.syntax.explanations import explained
-from kb.syntax.tables import MADE, parser, written
-from kb.terms import Function, Number, Operation, Term, Text, Variable, together, variables
+from cellwright.kb.model.bindings import free_variables
+from cellwright.kb.model.conditions import (
+    Aggregate,
+    Comparison,
+    Condition,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+)
+from cellwright.kb.model.statement import Statement
+from cellwright.kb.plain_terms import plain_terms
+from cellwright.kb.syntax.checks import ExpressionError, check_brackets, check_size
+from cellwright.kb.syntax.explanations import explained
+from cellwright.kb.syntax.tables import MADE, parser, written
+from cellwright.kb.terms import Function, Number, Operation, Term, Text, Variable, together, variables
 
 __all__ = ["SECONDS", "STARTS", "ExpressionError", "Parsed", "ReadAggregate", "parse", "unit_seconds"]
 

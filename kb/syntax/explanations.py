@@ -4,7 +4,7 @@ import re
 
 from lark import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
 
-from kb.syntax.checks import ExpressionError
+from cellwright.kb.syntax.checks import ExpressionError
 
 _READABLE = {
     "RPAR": "')'", "LPAR": "'('", "COMMA": "','", "NAME": "a name", "VARIABLE": "a variable", "SEMICOLON": "';'",

@@ -1,7 +1,7 @@
 """The tables of the grammar, made ahead: reading them takes a tenth of the time of making them.
 
 They belong to one grammar and one version of the parser library. Where either is another one, the tables are made in memory.
-After a change of the grammar, `python -c "import kb.syntax; kb.syntax.write_tables()"` writes them anew.
+After a change of the grammar, `python -c "import cellwright.kb.syntax; cellwright.kb.syntax.write_tables()"` writes them anew.
 """
 
 import hashlib

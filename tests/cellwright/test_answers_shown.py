@@ -14,7 +14,7 @@ from rich.text import Text
 from typer.testing import CliRunner
 
 import cellwright
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 from tests.places import TOP
 
 PICTURES = {

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import cellwright
-from engine.faces.cli.verbs import VERBS
+from cellwright.engine.faces.cli.verbs import VERBS
 from tests.places import TOP
 
 PAGE = (TOP / "docs" / "api.md").read_text("utf-8")
@@ -80,7 +80,7 @@ def fresh(tmp_path: Path, code: str) -> str:
 def test_the_import_loads_nothing_of_ours_and_a_plan_loads_no_array_library(tmp_path: Path) -> None:
     code = """
 import cellwright
-print([name for name in sys.modules if name.partition(".")[0] in ("kb", "engine", "rich", "pydantic")])
+print([name for name in sys.modules if name.startswith(("cellwright.kb", "cellwright.engine", "rich", "pydantic"))])
 answer = cellwright.plan("bulkhead/one_point", objective="cost", order="free")
 print(answer.status, [name for name in ("numpy", "ortools", "typer") if name in sys.modules])
 """

@@ -6,19 +6,19 @@ import math
 import numpy as np
 import pytest
 
-from engine import plugins
-from engine.model.geometry import Floats, Scene
-from engine.ports import GeometryBackend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.reference import signed_distance
-from engine.stages.geometry.collision.region_checker import RegionChecker
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import free_scene_of, scene_of
-from kb.diagnostics import InvalidInput
-from kb.loader.arm import bundled_arms, load_arm
-from kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
-from kb.model.shapes import (
+from cellwright.engine import plugins
+from cellwright.engine.model.geometry import Floats, Scene
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.reference import signed_distance
+from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import free_scene_of, scene_of
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
+from cellwright.kb.model.shapes import (
     Box,
     Cylinder,
     HeightField,

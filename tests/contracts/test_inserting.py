@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from engine.stages.grasping.insertion import Insertion, Phase, Search
+from cellwright.engine.stages.grasping.insertion import Insertion, Phase, Search
 
-inserting = pytest.importorskip("engine.pipelines.placing.inserting", exc_type=ImportError)
+inserting = pytest.importorskip("cellwright.engine.pipelines.placing.inserting", exc_type=ImportError)
 
 
 @pytest.mark.parametrize("away", [0.0, 0.0004, 0.0012])

@@ -9,17 +9,17 @@ pytest.importorskip("mujoco")
 
 import mujoco
 
-from engine.model.geometry import Floats
-from engine.pipelines.planning import problem_of
-from engine.pipelines.poses import known_poses
-from engine.plugins import geometry_backend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.mujoco_backend import MujocoChecker
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from kb.loader.cell import cell_of
-from kb.model.cell import Body, BodyKind, Cell, Placement
-from kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.poses import known_poses
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.mujoco_backend import MujocoChecker
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
 
 PROBLEM = "bulkhead/twelve_points"
 STATIONS = {"left": -1.6, "middle": 0.0, "right": 1.6}

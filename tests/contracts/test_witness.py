@@ -8,22 +8,22 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from engine.model.outcome import Found
-from engine.pipelines import objective
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import problem_of
-from engine.pipelines.poses.planning import plan_with_poses
-from engine.pipelines.simulator import HiddenCell
-from engine.pipelines.witness.body import Body
-from engine.pipelines.witness.driver import physical
-from engine.pipelines.witness.playing import played
-from engine.plugins import geometry_backend
-from engine.ports import DriverSetup
-from engine.stages.diagnosis.knowledge import CURED
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
-from kb.loader.cell import cell_of
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import objective
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.poses.planning import plan_with_poses
+from cellwright.engine.pipelines.simulator import HiddenCell
+from cellwright.engine.pipelines.witness.body import Body
+from cellwright.engine.pipelines.witness.driver import physical
+from cellwright.engine.pipelines.witness.playing import played
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.ports import DriverSetup
+from cellwright.engine.stages.diagnosis.knowledge import CURED
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem
+from cellwright.kb.loader.cell import cell_of
 
 PICK = ("open_drawer", "press_switch(closed, open)", "pick(probe_1, slot(drawer, 1))")
 

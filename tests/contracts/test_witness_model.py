@@ -5,9 +5,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from engine.pipelines.witness.model import written
-from engine.stages.geometry.world.model import World
-from kb.loader.cell import cell_of
+from cellwright.engine.pipelines.witness.model import written
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.loader.cell import cell_of
 
 SETTLING = 150  # steps of the engine
 

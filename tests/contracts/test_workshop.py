@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.pipelines.placing.answers import Carry, Placed
-from engine.pipelines.placing.assembling import Built, assemble
-from engine.pipelines.placing.placing import place
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.insertion import Search
-from engine.stages.grasping.placements import volume_and_centre
-from kb.loader import load_domain
-from kb.loader.scene import load_scene
-from kb.model.scene import Scene
-from kb.targets import BUNDLED
+from cellwright.engine.pipelines.placing.answers import Carry, Placed
+from cellwright.engine.pipelines.placing.assembling import Built, assemble
+from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.insertion import Search
+from cellwright.engine.stages.grasping.placements import volume_and_centre
+from cellwright.kb.loader import load_domain
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.targets import BUNDLED
 
-running = pytest.importorskip("engine.pipelines.workshop.running", exc_type=ImportError)
+running = pytest.importorskip("cellwright.engine.pipelines.workshop.running", exc_type=ImportError)
 DOMAIN = load_domain("handey")
 FIVE = load_scene(BUNDLED / "handey" / "scenes" / "five.yaml")
 SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
@@ -101,8 +101,8 @@ def test_a_part_that_was_taken_away_is_told_missing_and_the_rest_is_built(two: B
 @pytest.mark.slow
 def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two: Built) -> None:
     """The tolerance lies between what the first look and a nearer one allow."""
-    from engine.pipelines.placing.doubt import brought, within_m
-    from engine.pipelines.workshop.cell import PlacingCell
+    from cellwright.engine.pipelines.placing.doubt import brought, within_m
+    from cellwright.engine.pipelines.workshop.cell import PlacingCell
 
     assert PlacingCell
     yard = two.yard
@@ -120,8 +120,8 @@ def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two
 
 @pytest.mark.slow
 def test_a_camera_that_was_knocked_is_found_out_and_calibrated_by_the_arm_itself() -> None:
-    from engine.pipelines.placing.optics import Errors, Optics
-    from engine.stages.geometry.world.model import World
+    from cellwright.engine.pipelines.placing.optics import Errors, Optics
+    from cellwright.engine.stages.geometry.world.model import World
 
     knock, scene = Errors((0.025, 0.01, 0.0)), related(FIVE, "wall_1", "wall_2")
     image = Optics.of(scene, knock).image(World.of(scene.cell), 0)

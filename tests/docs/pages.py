@@ -16,7 +16,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 
 TOP = Path(__file__).parents[2]
 PATHS = [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from kb.schema import json_schema
+from cellwright.kb.schema import json_schema
 
 Part = Mapping[str, Any]
 

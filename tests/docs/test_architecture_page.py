@@ -8,7 +8,7 @@ from tests.places import TOP
 PAGE = (TOP / "docs" / "architecture.md").read_text("utf-8")
 CONTRACTS = tomllib.loads((TOP / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
 ROW = re.compile(r"^\|([^|]*)\|([^|]*)\|([^|]+)\|$", re.MULTILINE)
-FLOOR = re.compile(r"`((?:engine|kb)\.\w+)`")
+FLOOR = re.compile(r"`(cellwright\.(?:engine|kb)\.\w+)`")
 
 
 def layers(container: str) -> list[list[str]]:
@@ -24,7 +24,7 @@ def floors() -> dict[str, list[str]]:
 
 
 def test_the_floors_of_the_engine_stand_in_the_order_of_the_contract() -> None:
-    assert [[floor] for floor in floors()] == layers("engine")
+    assert [[floor] for floor in floors()] == layers("cellwright.engine")
 
 
 def test_each_floor_has_the_rooms_that_its_contract_lists() -> None:
@@ -37,8 +37,10 @@ def test_each_floor_has_the_rooms_that_its_contract_lists() -> None:
 
 def test_the_floors_of_the_knowledge_base_stand_in_the_order_of_the_contract() -> None:
     below = PAGE[PAGE.index("Below them stands") :]
-    rows = re.findall(r"^\| ((?:`kb\.\w+`(?:, )?)+) \|", below, re.MULTILINE)
-    assert [sorted(FLOOR.findall(row)) for row in rows] == [sorted(layer) for layer in layers("kb")]
+    rows = re.findall(r"^\| ((?:`cellwright\.kb\.\w+`(?:, )?)+) \|", below, re.MULTILINE)
+    assert [sorted(FLOOR.findall(row)) for row in rows] == [
+        sorted(layer) for layer in layers("cellwright.kb")
+    ]
 
 
 def test_layer_contracts_are_exhaustive() -> None:
@@ -49,11 +51,11 @@ def test_layer_contracts_are_exhaustive() -> None:
 
 def test_every_folder_of_the_engine_is_a_floor() -> None:
     parts = (path for path in (TOP / "engine").iterdir() if not path.name.startswith(("_", "py.")))
-    assert {f"engine.{path.stem}" for path in parts} == set(floors())
+    assert {f"cellwright.engine.{path.stem}" for path in parts} == set(floors())
 
 
 def test_what_the_page_names_is_there() -> None:
-    dotted = re.findall(r"`((?:engine|kb)(?:\.\w+)+)`", PAGE)
+    dotted = re.findall(r"`cellwright\.((?:engine|kb)(?:\.\w+)+)`", PAGE)
     folders = re.findall(r"`((?:engine|kb|tests|docs)(?:/[\w.]+)+)`", PAGE)
     assert dotted
     assert folders

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from kb.diagnostics import CODES
+from cellwright.kb.diagnostics import CODES
 
 TOP = Path(__file__).parents[2]
 PAGE = (TOP / "docs" / "diagnostics.md").read_text("utf-8")

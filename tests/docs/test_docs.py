@@ -13,14 +13,14 @@ import pytest
 import typer
 from golden_texts import compare_with_golden
 
-from engine.authoring.starter import create
-from engine.faces.cli import app, exits
-from engine.formats.interop.range_files import write_ranges
-from engine.formats.interop.results import ResultForm
-from engine.formats.interop.results import written as written_results
-from engine.stages.vision.ranging import of_depths
-from kb.model.ranging import Ranging
-from kb.model.results import Measured, Results
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.faces.cli import app, exits
+from cellwright.engine.formats.interop.range_files import write_ranges
+from cellwright.engine.formats.interop.results import ResultForm
+from cellwright.engine.formats.interop.results import written as written_results
+from cellwright.engine.stages.vision.ranging import of_depths
+from cellwright.kb.model.ranging import Ranging
+from cellwright.kb.model.results import Measured, Results
 from tests.docs.pages import PATHS, Run, assert_shown, parts, run
 
 TOP = Path(__file__).parents[2]

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from engine import plugins
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.ports import ContactFilter, DriverSetup
-from engine.stages.planning import Limits
-from engine.stages.planning.portfolio import STRATEGIES
+from cellwright.engine import plugins
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.ports import ContactFilter, DriverSetup
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning.portfolio import STRATEGIES
 from tests.docs.pages import TOP, run
 
 PAGE = (TOP / "docs" / "extending.md").read_text("utf-8")
@@ -46,8 +46,8 @@ def test_a_run_goes_through_the_driver(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_the_filter_takes_states_away(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from engine.pipelines import task_space
-    from kb.model.contacts import ContactModel
+    from cellwright.engine.pipelines import task_space
+    from cellwright.kb.model.contacts import ContactModel
 
     few = names_of("filter")["AtMostTwo"]
 

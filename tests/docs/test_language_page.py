@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from engine.faces.cli.verbs import VERBS
-from engine.model.outcome import Found
-from engine.pipelines import checking, planning
-from kb.loader import load
-from kb.model.conventions import CONVENTIONS
-from kb.schema import json_schema
+from cellwright.engine.faces.cli.verbs import VERBS
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import checking, planning
+from cellwright.kb.loader import load
+from cellwright.kb.model.conventions import CONVENTIONS
+from cellwright.kb.schema import json_schema
 
 PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text("utf-8")
 ALL = re.findall(r"^```([\w ]+)\n(.*?)^```$", PAGE, re.M | re.S)

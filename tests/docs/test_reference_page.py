@@ -5,7 +5,7 @@ import re
 import pytest
 from golden_texts import compare_with_golden
 
-from kb.schema import KINDS, json_schema
+from cellwright.kb.schema import KINDS, json_schema
 from tests.docs.pages import TOP
 from tests.docs.reference import FILES, page
 

@@ -10,10 +10,10 @@ import pytest
 from golden_texts import compare_with_golden
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.execution import RecordKind
-from kb.schema import json_schema
-from kb.schema.validation import deviations
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.execution import RecordKind
+from cellwright.kb.schema import json_schema
+from cellwright.kb.schema.validation import deviations
 
 TOP = Path(__file__).parents[2]
 DOCS = TOP / "docs"

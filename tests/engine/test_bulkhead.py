@@ -1,6 +1,6 @@
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from kb.loader import load_problem
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.kb.loader import load_problem
 
 
 def test_one_point_takes_the_five_steps_of_figure_4() -> None:

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.execution import RecordKind
-from engine.model.outcome import Found
-from engine.pipelines import checking, planning
-from engine.pipelines.simulator import Injection
-from kb.loader import load
-from kb.loader.faults import load_faults
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import checking, planning
+from cellwright.engine.pipelines.simulator import Injection
+from cellwright.kb.loader import load
+from cellwright.kb.loader.faults import load_faults
 from tests.engine.pipelines.execution.cells import executed
 
 CELL = Path(__file__).parents[1] / "domains" / "capping"

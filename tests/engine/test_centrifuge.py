@@ -6,20 +6,20 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import objective, planning
-from engine.stages.macros.lifted.execution import changes_of
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.planning import Limits
-from engine.stages.validation.semantics import Semantics
-from kb.loader import load
-from kb.loader.faults import load_faults
-from kb.model.plan import Claims
-from kb.model.problem import Problem
-from kb.targets import bundled
-from kb.terms import Number
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import objective, planning
+from cellwright.engine.stages.macros.lifted.execution import changes_of
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.loader import load
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.plan import Claims
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import bundled
+from cellwright.kb.terms import Number
 
 CELL = bundled()["centrifuge"] / "problems"
 

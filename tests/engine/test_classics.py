@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.histories import histories
-from engine.model.outcome import Found, Infeasible, Outcome
-from engine.pipelines import planning
-from engine.stages.grounding import goals as goal_compilation
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem, with_goals
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from cellwright.engine.model.histories import histories
+from cellwright.engine.model.outcome import Found, Infeasible, Outcome
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import goals as goal_compilation
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem, with_goals
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function
 from tests.places import DOMAINS
 
 

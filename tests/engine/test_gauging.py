@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.outcome import Found
-from engine.pipelines.objective import plan
-from kb.loader import bundled, load_problem
-from kb.loader.faults import load_faults
-from kb.model.problem import Problem
-from kb.terms import Function, Number
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.objective import plan
+from cellwright.kb.loader import bundled, load_problem
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Number
 
 LIMITS = {"values_since": 25, "seconds_since": 400}
 

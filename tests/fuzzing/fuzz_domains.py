@@ -14,7 +14,7 @@ import fuzz_seeds as seeds
 from fuzz_guards import MEGABYTES, SECONDS
 from mutations import mutated
 
-from kb.diagnostics import InvalidInput
+from cellwright.kb.diagnostics import InvalidInput
 
 KINDS = {".yaml": "yaml", ".lp": "text"}
 EXPECTED = {0, 1, 2, 10, 12, 23, 40}  # all but "interrupted" and "internal error"
@@ -63,9 +63,9 @@ def _problem(chance: Random, cell: Path) -> Path:
 
 def domains(seed: int, folder: Path) -> Callable[[int], bool]:
     """Cases in process: a mutated cell is loaded, checked and grounded, and a small problem is planned."""
-    from engine.pipelines.planning import loaded, plan
-    from engine.stages.planning import Limits
-    from kb import stopping
+    from cellwright.engine.pipelines.planning import loaded, plan
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb import stopping
 
     def case(number: int) -> bool:
         chance = Random(f"{seed}/whole domains/{number}")
@@ -112,7 +112,7 @@ def commands(seed: int, folder: Path) -> Callable[[int], bool]:
 
 
 def _command(arguments: list[str], folder: Path) -> None:
-    from engine.faces.cli import main
+    from cellwright.engine.faces.cli import main
 
     atexit._clear()  # the end of a command must not delete the folder of the campaign that it was forked from
     out = os.open(folder / "stdout", os.O_RDWR | os.O_CREAT | os.O_TRUNC)

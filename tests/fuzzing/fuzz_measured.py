@@ -69,7 +69,7 @@ def _save(out: Any, said: dict[str, Any]) -> None:
 
 def range_image(path: Path) -> None:
     """An image is read, resolved and measured in."""
-    from engine.formats.interop.range_files import read_ranges
+    from cellwright.engine.formats.interop.range_files import read_ranges
 
     measured_in(read_ranges(path))
 
@@ -78,10 +78,10 @@ def measured_in(image: Any) -> None:
     """Shapes are fitted to the whole image, if its ranges are whole or can be resolved."""
     import numpy as np
 
-    from engine.model.fits import Shape
-    from engine.model.ranging import RangeImage, Window
-    from engine.pipelines.dimensions import Asked, dimensions
-    from engine.stages.vision.ranging import resolved
+    from cellwright.engine.model.fits import Shape
+    from cellwright.engine.model.ranging import RangeImage, Window
+    from cellwright.engine.pipelines.dimensions import Asked, dimensions
+    from cellwright.engine.stages.vision.ranging import resolved
 
     size = (image.tool.height, image.tool.width)
     if max(size) > 64:  # larger ones are the same, and take long
@@ -94,7 +94,7 @@ def measured_in(image: Any) -> None:
 
 def image_content(path: Path) -> None:
     """An image whose arrays are what a text in JSON says, so that mutations get past the checksums of the file."""
-    from kb.json_text import parsed
+    from cellwright.kb.json_text import parsed
 
     try:
         said = parsed(path.read_bytes().decode("utf-8", "replace"))
@@ -110,8 +110,8 @@ def image_content(path: Path) -> None:
 
 def depth_as_ranges(path: Path) -> None:
     """A depth image of a tool is read and measured in."""
-    from engine.formats.interop.range_files import read_ranges
-    from kb.model.ranging import Ranging
+    from cellwright.engine.formats.interop.range_files import read_ranges
+    from cellwright.kb.model.ranging import Ranging
 
     measured_in(read_ranges(path, Ranging(**{**TOOL, "width": 8, "height": 6})))
 
@@ -120,9 +120,9 @@ def cloud(path: Path) -> None:
     """A shape is fitted to a cloud."""
     import numpy as np
 
-    from engine.formats.interop.depth_files import read_cloud
-    from engine.model.fits import Cloud, Shape
-    from engine.stages.fitting.surfaces import fitted
+    from cellwright.engine.formats.interop.depth_files import read_cloud
+    from cellwright.engine.model.fits import Cloud, Shape
+    from cellwright.engine.stages.fitting.surfaces import fitted
 
     points = read_cloud(path)
     if len(points) < 200:
@@ -131,15 +131,15 @@ def cloud(path: Path) -> None:
 
 def truth(path: Path) -> None:
     """The hidden truth of a simulated part."""
-    from engine.pipelines.simulator.truth import read_truth
+    from cellwright.engine.pipelines.simulator.truth import read_truth
 
     read_truth(str(path), _job(), 1)
 
 
 def alignment(path: Path) -> None:
     """Results as datums of a part, and where they say that it lies."""
-    from engine.formats.interop.alignments import datums_of, read_results
-    from engine.stages.fitting.alignment import aligned
+    from cellwright.engine.formats.interop.alignments import datums_of, read_results
+    from cellwright.engine.stages.fitting.alignment import aligned
 
     aligned(datums_of(_job(), read_results(path), 5e-5))
 
@@ -147,8 +147,8 @@ def alignment(path: Path) -> None:
 @cache
 def profiles(form: str) -> list[bytes]:
     """Profiles of points of a problem."""
-    from engine.formats.interop.results import ResultForm, written
-    from kb.model.results import Measured, Results
+    from cellwright.engine.formats.interop.results import ResultForm, written
+    from cellwright.kb.model.results import Measured, Results
 
     found = tuple(Measured(f"m{n}", "profile", 10.0 * n, "um", 0.0, tool="slra") for n in range(1, 13))
     return [written(Results("monday", "", found), ResultForm(form)).encode()]
@@ -156,7 +156,7 @@ def profiles(form: str) -> list[bytes]:
 
 @cache
 def _job() -> Any:
-    from engine.pipelines.planning import problem_of
+    from cellwright.engine.pipelines.planning import problem_of
 
     return problem_of("bulkhead/twelve_points")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import fuzz_seeds as seeds
 
-from kb.diagnostics import InvalidInput
-from kb.files import File, read_file
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import File, read_file
 
 
 class Refused(Exception):
@@ -67,7 +67,7 @@ def _words(pattern: str) -> Callable[[], list[bytes]]:
 
 
 def expressions(path: Path) -> None:
-    from kb.syntax import STARTS, ExpressionError, parse
+    from cellwright.kb.syntax import STARTS, ExpressionError, parse
 
     text, refused = _text(path), 0
     for start in STARTS:
@@ -82,8 +82,8 @@ def expressions(path: Path) -> None:
 
 
 def terms(path: Path) -> None:
-    from kb.asp import AspError, ground_term
-    from kb.plain_terms import plain_terms
+    from cellwright.kb.asp import AspError, ground_term
+    from cellwright.kb.plain_terms import plain_terms
 
     text = _text(path)
     plain_terms(text)
@@ -94,8 +94,8 @@ def terms(path: Path) -> None:
 
 
 def rules(path: Path) -> None:
-    from kb.asp import AspError
-    from kb.asp.statements import statements
+    from cellwright.kb.asp import AspError
+    from cellwright.kb.asp.statements import statements
 
     text = _text(path)
     try:
@@ -105,7 +105,7 @@ def rules(path: Path) -> None:
 
 
 def notation(path: Path) -> None:
-    from kb.store import notation as read
+    from cellwright.kb.store import notation as read
 
     text, refused = _text(path), 0
     for each in (read.read_term, read.read_atom, read.read_literal, read.read_part):
@@ -118,7 +118,7 @@ def notation(path: Path) -> None:
 
 
 def numbers(path: Path) -> None:
-    from kb.numbers import NumberError, decimal, whole
+    from cellwright.kb.numbers import NumberError, decimal, whole
 
     for each in (whole, decimal):
         try:
@@ -130,7 +130,7 @@ def numbers(path: Path) -> None:
 
 
 def tree(path: Path) -> None:
-    from kb.loader.tree import read_tree
+    from cellwright.kb.loader.tree import read_tree
 
     _, found = read_tree(read_file(path))
     if found:
@@ -138,19 +138,19 @@ def tree(path: Path) -> None:
 
 
 def xml(path: Path) -> None:
-    from kb.loader.xml import read_xml
+    from cellwright.kb.loader.xml import read_xml
 
     read_xml(read_file(path))
 
 
 def address(path: Path) -> None:
-    from kb.store.engines import address as read
+    from cellwright.kb.store.engines import address as read
 
     read(_text(path))
 
 
 def protocol(path: Path) -> None:
-    from engine.pipelines.controllers import protocol as read
+    from cellwright.engine.pipelines.controllers import protocol as read
 
     try:
         found = read.read_line(path.read_bytes())
@@ -165,20 +165,20 @@ def protocol(path: Path) -> None:
 
 
 def macrops(path: Path) -> None:
-    from engine.pipelines.reuse.lessons import read, records
+    from cellwright.engine.pipelines.reuse.lessons import read, records
 
     records(read(path))
 
 
 def cases(path: Path) -> None:
-    from engine.pipelines.troubleshooting.given import imported
+    from cellwright.engine.pipelines.troubleshooting.given import imported
 
     imported(_fault_model(), path)
 
 
 @cache
 def _fault_model():  # type: ignore[no-untyped-def]
-    from kb.loader.faults import load_faults
+    from cellwright.kb.loader.faults import load_faults
 
     return load_faults(seeds.CELLS[0] / "domain.yaml")[0]
 
@@ -190,13 +190,13 @@ def _cases() -> list[bytes]:
 
 
 def motions(path: Path) -> None:
-    from engine.faces.cli.motion_sets import _read
+    from cellwright.engine.faces.cli.motion_sets import _read
 
     _read(path)
 
 
 def results(form: str, path: Path) -> None:
-    from engine.formats.interop.results import ResultForm, read
+    from cellwright.engine.formats.interop.results import ResultForm, read
 
     try:
         read(read_file(path).text, ResultForm(form))
@@ -206,133 +206,133 @@ def results(form: str, path: Path) -> None:
 
 @cache
 def _results(form: str) -> list[bytes]:
-    from engine.formats.interop.results import ResultForm, written
-    from kb.model.results import Measured, Results
+    from cellwright.engine.formats.interop.results import ResultForm, written
+    from cellwright.kb.model.results import Measured, Results
 
     measured = Measured("m1", "thickness", 6342.5, "um", 6350, 6340, 6360, "probe", "measure(m1)", 42_000)
     return [written(Results("monday", "2026-11-22T10:00:00+00:00", (measured,)), ResultForm(form)).encode()]
 
 
 def log(path: Path) -> None:
-    from engine.pipelines.simulator.log import Log
+    from cellwright.engine.pipelines.simulator.log import Log
 
     with closing(Log(str(path))) as found:
         list(found.past())
 
 
 def sentence(path: Path) -> None:
-    from kb.commands import understand
+    from cellwright.kb.commands import understand
 
     understand(_domain(), _text(path))
 
 
 @cache
 def _domain():  # type: ignore[no-untyped-def]
-    from kb.loader import load_domain
+    from cellwright.kb.loader import load_domain
 
     return load_domain("themse")
 
 
 def goals(path: Path) -> None:
-    from kb.loader import with_goals
+    from cellwright.kb.loader import with_goals
 
     with_goals(_domain(), _text(path))
 
 
 def configuration(path: Path) -> None:
-    from kb.loader.configuration import read_configuration
+    from cellwright.kb.loader.configuration import read_configuration
 
     read_configuration(_text(path), _cell())
 
 
 @cache
 def _cell():  # type: ignore[no-untyped-def]
-    from kb.loader.cell import load_cell
+    from cellwright.kb.loader.cell import load_cell
 
     return load_cell(seeds.CELLS[1] / "cell.yaml")
 
 
 def urdf(path: Path) -> None:
-    from kb.loader.cell import load_cell
+    from cellwright.kb.loader.cell import load_cell
 
     load_cell(path.with_name("cell.yaml"))
 
 
 def cell(path: Path) -> None:
-    from kb.loader.cell import load_cell
+    from cellwright.kb.loader.cell import load_cell
 
     load_cell(path)
 
 
 def arm(path: Path) -> None:
-    from kb.loader.arm import load_arm
+    from cellwright.kb.loader.arm import load_arm
 
     load_arm(path)
 
 
 def scene(path: Path) -> None:
-    from kb.loader.scene import load_scene
+    from cellwright.kb.loader.scene import load_scene
 
     load_scene(path)
 
 
 def mesh(path: Path) -> None:
-    from engine.stages.geometry.shapes.meshes import read_mesh
+    from cellwright.engine.stages.geometry.shapes.meshes import read_mesh
 
     read_mesh(path)
 
 
 def depth(path: Path) -> None:
-    from engine.formats.interop.depth_files import read_depth
-    from engine.model.vision import Camera
+    from cellwright.engine.formats.interop.depth_files import read_depth
+    from cellwright.engine.model.vision import Camera
 
     read_depth(path, Camera.viewing(8, 6, 0.6, 1.0))
 
 
 def qif(path: Path) -> None:
-    from engine.formats.interop.qif.points import inspection_of
+    from cellwright.engine.formats.interop.qif.points import inspection_of
 
     inspection_of(path)
 
 
 def pnml(path: Path) -> None:
-    from engine.formats.interop.pnml.reading import read_pnml
+    from cellwright.engine.formats.interop.pnml.reading import read_pnml
 
     read_pnml(path)
 
 
 def tsplib(path: Path) -> None:
-    from engine.formats.interop.tsplib import read_tsplib
+    from cellwright.engine.formats.interop.tsplib import read_tsplib
 
     read_tsplib(path)
 
 
 def table(path: Path) -> None:
-    from engine.formats.interop.tables import read_table
+    from cellwright.engine.formats.interop.tables import read_table
 
     read_table(path)
 
 
 def jobshop(path: Path) -> None:
-    from engine.formats.interop.jobshop import read_jobshop
+    from cellwright.engine.formats.interop.jobshop import read_jobshop
 
     read_jobshop(path)
 
 
 def slab(path: Path) -> None:
-    from engine.formats.interop.slab import read_slab
+    from cellwright.engine.formats.interop.slab import read_slab
 
     read_slab(path.parent)
 
 
 def pddl(path: Path) -> None:
-    from engine.formats.interop.pddl import read_pddl
+    from cellwright.engine.formats.interop.pddl import read_pddl
 
     read_pddl(path.with_name("domain.pddl"), path.with_name("problem.pddl"))
 
 
 def pddl_plan(path: Path) -> None:
-    from engine.formats.interop.pddl.plans import read_plan
+    from cellwright.engine.formats.interop.pddl.plans import read_plan
 
     read_plan(_task(), path)
 
@@ -341,7 +341,7 @@ def pddl_plan(path: Path) -> None:
 def _task():  # type: ignore[no-untyped-def]
     import tempfile
 
-    from engine.formats.interop.pddl import read_pddl
+    from cellwright.engine.formats.interop.pddl import read_pddl
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -351,7 +351,7 @@ def _task():  # type: ignore[no-untyped-def]
 
 
 def plan(path: Path) -> None:
-    from kb.loader import load_plan
+    from cellwright.kb.loader import load_plan
 
     load_plan(path)
 

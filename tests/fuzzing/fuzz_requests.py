@@ -78,51 +78,51 @@ JOURNAL = (
 
 
 def acts(path: Path) -> None:
-    from engine.formats.interop.acts import read_acts
+    from cellwright.engine.formats.interop.acts import read_acts
 
     read_acts(path, _scene())
 
 
 @cache
 def _scene():  # type: ignore[no-untyped-def]
-    from kb.loader.scene import load_scene
+    from cellwright.kb.loader.scene import load_scene
 
     return load_scene(seeds.TOP / "domains" / "handey" / "scenes" / "turning.yaml")
 
 
 @cache
 def _problem():  # type: ignore[no-untyped-def]
-    from engine.pipelines.planning import problem_of
+    from cellwright.engine.pipelines.planning import problem_of
 
     return problem_of("themse/one")
 
 
 def addition(path: Path) -> None:
-    from engine.pipelines.execution.adding import addition as read
-    from engine.pipelines.execution.adding import extended
+    from cellwright.engine.pipelines.execution.adding import addition as read
+    from cellwright.engine.pipelines.execution.adding import extended
 
     found = read(_problem(), _text(path), 1000)
     extended(_problem(), found.words, found.wishes)
 
 
 def facts(path: Path) -> None:
-    from engine.pipelines.revision.observing import read_facts
+    from cellwright.engine.pipelines.revision.observing import read_facts
 
     read_facts(_text(path), _problem().domain, "--holds")
 
 
 def steps(path: Path) -> None:
-    from engine.pipelines.revision.observing import read_steps
-    from kb.model.plan import StepId
+    from cellwright.engine.pipelines.revision.observing import read_steps
+    from cellwright.kb.model.plan import StepId
 
     read_steps(_text(path), map(StepId, range(1, 20)))
 
 
 def settings(path: Path) -> None:
-    from engine.pipelines.controllers.settings import patience_of, place_of
-    from engine.pipelines.simulator.settings import settings_of
-    from engine.ports import DriverSetup
-    from kb.diagnostics import InvalidInput
+    from cellwright.engine.pipelines.controllers.settings import patience_of, place_of
+    from cellwright.engine.pipelines.simulator.settings import settings_of
+    from cellwright.engine.ports import DriverSetup
+    from cellwright.kb.diagnostics import InvalidInput
 
     options = dict(line.split("=", 1) for line in _text(path).split("\n") if "=" in line)
     for each in (
@@ -135,7 +135,7 @@ def settings(path: Path) -> None:
 
 
 def request(path: Path) -> None:
-    from engine.faces.monitor.door import Door
+    from cellwright.engine.faces.monitor.door import Door
 
     asked = _object(path)
     headers = asked.get("headers")
@@ -169,7 +169,7 @@ def _bytes(value: object) -> bytes:
 
 def _object(path: Path) -> dict[str, Any]:
     """The object in a file, as the monitor reads the body of a request."""
-    from kb.json_text import parsed
+    from cellwright.kb.json_text import parsed
 
     try:
         found = parsed(path.read_bytes())
@@ -181,7 +181,7 @@ def _object(path: Path) -> dict[str, Any]:
 
 
 def order(path: Path) -> None:
-    from engine.faces.monitor import shared
+    from cellwright.engine.faces.monitor import shared
 
     shared.begun = lambda *_: "not here"  # nothing is started
     shared.started = lambda *_: None  # type: ignore[assignment,return-value]
@@ -192,11 +192,11 @@ def order(path: Path) -> None:
 
 def journal(path: Path) -> None:
     """A line of a journal whose content was changed: results are read from it, and a run is resumed from it."""
-    from engine.pipelines.execution.records import compiled_of
-    from engine.pipelines.past import reading_past
-    from engine.pipelines.results import read
-    from kb.diagnostics import InvalidInput
-    from kb.store.journal import Begun, Line
+    from cellwright.engine.pipelines.execution.records import compiled_of
+    from cellwright.engine.pipelines.past import reading_past
+    from cellwright.engine.pipelines.results import read
+    from cellwright.kb.diagnostics import InvalidInput
+    from cellwright.kb.store.journal import Begun, Line
 
     content, refused = _object(path), 0
     for take in (
@@ -215,7 +215,7 @@ def journal(path: Path) -> None:
 
 def rewritten(path: Path) -> None:
     """A problem file from which a measurement is taken out."""
-    from engine.formats.interop.inspections import rewrite
+    from cellwright.engine.formats.interop.inspections import rewrite
 
     rewrite(path, "removed", "a1")
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kb.arithmetic import compare, evaluate, order_key
-from kb.asp import AspError, ground_term
-from kb.terms import Function, Number, Operation, Term, Text, Variable
+from cellwright.kb.arithmetic import compare, evaluate, order_key
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.terms import Function, Number, Operation, Term, Text, Variable
 
 laws = settings(max_examples=200, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 LARGEST = 2**31 - 1

@@ -5,18 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.inspections import remarks
-from engine.formats.interop.jobshop import read_jobshop
-from engine.formats.interop.pddl import read_pddl
-from engine.formats.interop.pnml import read_pnml
-from engine.formats.interop.qif.points import inspection_of
-from engine.formats.interop.tables import read_table
-from engine.formats.interop.tsplib import read_tsplib
-from engine.pipelines import checking, planning
-from kb.asp import trial
-from kb.diagnostics import CODES, Diagnostic, InvalidInput
-from kb.loader.cell import load_cell
-from kb.loader.plan import load_claimed
+from cellwright.engine.formats.interop.inspections import remarks
+from cellwright.engine.formats.interop.jobshop import read_jobshop
+from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.formats.interop.pnml import read_pnml
+from cellwright.engine.formats.interop.qif.points import inspection_of
+from cellwright.engine.formats.interop.tables import read_table
+from cellwright.engine.formats.interop.tsplib import read_tsplib
+from cellwright.engine.pipelines import checking, planning
+from cellwright.kb.asp import trial
+from cellwright.kb.diagnostics import CODES, Diagnostic, InvalidInput
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.loader.plan import load_claimed
 from tests.refusals import ENVIRONMENT, REFUSALS
 
 DATA = Path(__file__).parents[1] / "data"

@@ -5,7 +5,7 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.diagnostics import CODES, NOWHERE, Diagnostic, Source, printable, unknown_name
+from cellwright.kb.diagnostics import CODES, NOWHERE, Diagnostic, Source, printable, unknown_name
 
 texts = st.text(max_size=60) | st.text(st.sampled_from("a\x1b\x07\x9b\r\n\t\u202e\u2066日 "), max_size=30)
 

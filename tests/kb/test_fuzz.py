@@ -12,15 +12,15 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kb.asp import AspError, ground_term
-from kb.asp.statements import statements
-from kb.diagnostics import InvalidInput
-from kb.files import File
-from kb.loader import load
-from kb.loader.cell import load_cell
-from kb.loader.contacts import load_contacts
-from kb.loader.faults import load_faults
-from kb.syntax import STARTS, ExpressionError, parse
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.asp.statements import statements
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import File
+from cellwright.kb.loader import load
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.loader.contacts import load_contacts
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.syntax import STARTS, ExpressionError, parse
 
 TOP = Path(__file__).parents[2]
 CELLS = [

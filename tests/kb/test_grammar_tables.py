@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from kb.syntax import GRAMMAR, STARTS, tables
-from kb.syntax.tables import MADE, built, parser
+from cellwright.kb.syntax import GRAMMAR, STARTS, tables
+from cellwright.kb.syntax.tables import MADE, built, parser
 
 TEXTS = {
     "conditions": 'at(A, rack_point(Tool)), not held(T) | free(A), X < 3 + 2 * Y, name("a, b")',

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.graphs import components, reached
+from cellwright.kb.graphs import components, reached
 
 GRAPHS = st.integers(0, 7).flatmap(
     lambda size: st.dictionaries(

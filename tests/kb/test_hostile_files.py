@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from kb.asp import AspError, ground_term
-from kb.diagnostics import InvalidInput
-from kb.files import MAX_BYTES
-from kb.loader import find, load, load_plan
-from kb.syntax import ExpressionError, parse
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import MAX_BYTES
+from cellwright.kb.loader import find, load, load_plan
+from cellwright.kb.syntax import ExpressionError, parse
 
 DOMAIN = """domain: cell
 include: [rules.lp]

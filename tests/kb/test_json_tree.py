@@ -8,11 +8,11 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.diagnostics import InvalidInput
-from kb.files import File, unprintable
-from kb.loader.json_tree import json_tree
-from kb.loader.node import MAX_NODES, Node
-from kb.loader.tree import Composer, read_tree
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import File, unprintable
+from cellwright.kb.loader.json_tree import json_tree
+from cellwright.kb.loader.node import MAX_NODES, Node
+from cellwright.kb.loader.tree import Composer, read_tree
 
 words = st.text(st.sampled_from('ab "\\/,:{}[]#-\n\té~'), max_size=6)
 values = st.recursive(

@@ -7,16 +7,16 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import EXCERPT, File
-from kb.loader import load, with_goals
-from kb.loader.tree import read_tree
-from kb.model.conditions import Aggregate, And, Exists, ForAll, Literal, Not, Or
-from kb.model.domain import Domain, Kind
-from kb.syntax import ExpressionError, parse
-from kb.terms import Variable
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import EXCERPT, File
+from cellwright.kb.loader import load, with_goals
+from cellwright.kb.loader.tree import read_tree
+from cellwright.kb.model.conditions import Aggregate, And, Exists, ForAll, Literal, Not, Or
+from cellwright.kb.model.domain import Domain, Kind
+from cellwright.kb.syntax import ExpressionError, parse
+from cellwright.kb.terms import Variable
 
 BASE = """domain: store
 include: [rules.lp]

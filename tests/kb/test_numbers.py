@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from kb.numbers import LARGEST, NumberError, decimal, finite, is_number, whole
+from cellwright.kb.numbers import LARGEST, NumberError, decimal, finite, is_number, whole
 
 BAD = [
     "",

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from engine.pipelines import checking
-from kb.diagnostics import InvalidInput
-from kb.loader import bundled, load
-from kb.loader.cell import load_cell
-from kb.targets import find, problem_files
+from cellwright.engine.pipelines import checking
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import bundled, load
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.targets import find, problem_files
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.asp import ground_term, term
-from kb.plain_terms import plain_terms
-from kb.syntax import ExpressionError, _parsed, parse
-from kb.terms import Function, Number, Variable, is_ground
+from cellwright.kb.asp import ground_term, term
+from cellwright.kb.plain_terms import plain_terms
+from cellwright.kb.syntax import ExpressionError, _parsed, parse
+from cellwright.kb.terms import Function, Number, Variable, is_ground
 
 words = [
     "not ",

@@ -5,7 +5,7 @@ import pickle
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.terms import (
+from cellwright.kb.terms import (
     ANYTHING,
     Function,
     Number,

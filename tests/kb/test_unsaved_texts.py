@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from kb.diagnostics import InvalidInput
-from kb.files import reading
-from kb.loader import load
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import reading
+from cellwright.kb.loader import load
 
 
 @pytest.fixture

@@ -4,10 +4,10 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
-from engine.stages.validation import findings
-from engine.stages.validation.semantics import Semantics
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
+from cellwright.engine.stages.validation import findings
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
 
 
 def needless(problem: Problem, plan: Plan, most: int) -> tuple[str, ...]:

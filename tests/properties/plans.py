@@ -4,11 +4,11 @@ import dataclasses
 
 from hypothesis import strategies as st
 
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import And, Literal
-from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function, Term, substitute
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term, substitute
 from tests.properties.problems import CONSTANTS, problems, successors
 
 FAMILIES = st.one_of(problems(), problems(conditional=True), problems(deductive=True))

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 from hypothesis import strategies as st
 
-from engine.stages.validation.changes import State
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import TRUE, And, Condition, Exists, ForAll, Literal, Not, Or, Parameter
-from kb.model.domain import (
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import TRUE, And, Condition, Exists, ForAll, Literal, Not, Or, Parameter
+from cellwright.kb.model.domain import (
     Consequence,
     DeductiveOperator,
     Domain,
@@ -25,8 +25,8 @@ from kb.model.domain import (
     Rule,
     Type,
 )
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, Variable
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term, Variable
 
 X, Y = Variable("X"), Variable("Y")
 OBJECTS = ("a", "b")

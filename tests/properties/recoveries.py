@@ -5,28 +5,28 @@ import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.cases import Diagnosis, Hypothesis
-from engine.model.outcome import Found
-from engine.model.troubleshooting import Action, Advice
-from engine.pipelines import planning
-from engine.pipelines.barring import barred
-from engine.pipelines.revision import remaining
-from engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
-from engine.pipelines.troubleshooting.beliefs import Beliefs
-from engine.pipelines.troubleshooting.findings import Findings
-from engine.pipelines.troubleshooting.given import moment
-from engine.stages.diagnosis.knowledge import CURED, Objective
-from engine.stages.diagnosis.session import QUESTION, run
-from engine.stages.grounding import ground
-from engine.stages.validation.datalog import holds
-from kb.asp import ground_term
-from kb.loader.faults import load_faults
-from kb.model.conditions import TRUE, And, Literal, goal_parts
-from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
-from kb.model.workflow import lasting
-from kb.terms import ANYTHING, Atom, Function
+from cellwright.engine.model.cases import Diagnosis, Hypothesis
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.troubleshooting import Action, Advice
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.revision import remaining
+from cellwright.engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
+from cellwright.engine.pipelines.troubleshooting.beliefs import Beliefs
+from cellwright.engine.pipelines.troubleshooting.findings import Findings
+from cellwright.engine.pipelines.troubleshooting.given import moment
+from cellwright.engine.stages.diagnosis.knowledge import CURED, Objective
+from cellwright.engine.stages.diagnosis.session import QUESTION, run
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.conditions import TRUE, And, Literal, goal_parts
+from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import lasting
+from cellwright.kb.terms import ANYTHING, Atom, Function
 from tests.places import BUNDLED
 from tests.properties.true_world import TrueWorld
 

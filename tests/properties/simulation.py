@@ -7,12 +7,12 @@ come. While it lasts it holds its resources alone (language, Meaning 8 and 9).
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from engine.stages.validation.changes import State
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics
-from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function, substitute
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, substitute
 
 
 @dataclass(frozen=True)

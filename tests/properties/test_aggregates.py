@@ -9,14 +9,14 @@ import clingo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.task import Task
-from engine.stages.grounding import ground
-from engine.stages.macros.lifted.facts import Facts as LiftedFacts
-from engine.stages.macros.lifted.world import CellDomain, with_derived
-from engine.stages.validation.semantics import Semantics
-from kb.loader import load
-from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from cellwright.engine.model.task import Task
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.macros.lifted.facts import Facts as LiftedFacts
+from cellwright.engine.stages.macros.lifted.world import CellDomain, with_derived
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.loader import load
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function
 
 DOMAIN = """
 domain: counted
@@ -102,8 +102,8 @@ def test_all_agree_on_an_aggregate(text: str, alone: bool, chance: random.Random
     with TemporaryDirectory() as folder:
         given = problem(text, alone, folder)
         with (
-            patch("engine.stages.grounding.derived.MAX_SUPPORTS", 0),
-            patch("engine.stages.grounding.derived.LEAST", 0),
+            patch("cellwright.engine.stages.grounding.derived.MAX_SUPPORTS", 0),
+            patch("cellwright.engine.stages.grounding.derived.LEAST", 0),
         ):
             task = ground(given)
         semantics, world = Semantics(given), CellDomain(given)

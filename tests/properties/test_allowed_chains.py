@@ -8,16 +8,16 @@ from dataclasses import replace
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.pipelines.explanation.culprits import Goal, minimal_goals, only
-from engine.stages.validation.changes import State
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import InvalidInput
-from kb.model.conditions import TRUE
-from kb.model.problem import Problem
-from kb.model.workflow import (
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation.culprits import Goal, minimal_goals, only
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.conditions import TRUE
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import (
     Listed,
     begun,
     holding,
@@ -28,7 +28,7 @@ from kb.model.workflow import (
     settled,
     too_early,
 )
-from kb.terms import Atom
+from cellwright.kb.terms import Atom
 from tests.properties.problems import CONSTANTS
 from tests.properties.test_parts_of_goals import chained
 

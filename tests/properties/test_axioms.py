@@ -9,22 +9,22 @@ from unittest.mock import patch
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
-from engine.formats.interop.pddl import read_pddl
-from engine.formats.interop.pddl.export import export
-from engine.kernels.bits import bitset, indices
-from engine.model.axioms import Axiom, Axioms
-from engine.model.outcome import Found, GaveUp, Infeasible
-from engine.model.task import Task
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits, plan
-from engine.stages.validation.datalog import solve
-from engine.stages.validation.derivation import Derivation
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
-from kb.terms import Atom, substitute_atom
+from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.formats.interop.pddl.export import export
+from cellwright.engine.kernels.bits import bitset, indices
+from cellwright.engine.model.axioms import Axiom, Axioms
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits, plan
+from cellwright.engine.stages.validation.datalog import solve
+from cellwright.engine.stages.validation.derivation import Derivation
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, substitute_atom
 from tests.properties.problems import problems, shortest
 
 FAMILIES = st.one_of(problems(), problems(conditional=True), problems(deductive=True))
@@ -35,8 +35,8 @@ DILIGENT = settings(max_examples=40, deadline=None, suppress_health_check=list(H
 def layered() -> Iterator[None]:
     """No derived atom is replaced by its definition."""
     with (
-        patch("engine.stages.grounding.derived.MAX_SUPPORTS", 0),
-        patch("engine.stages.grounding.derived.LEAST", 0),
+        patch("cellwright.engine.stages.grounding.derived.MAX_SUPPORTS", 0),
+        patch("cellwright.engine.stages.grounding.derived.LEAST", 0),
     ):
         yield
 

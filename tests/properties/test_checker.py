@@ -5,15 +5,15 @@ import dataclasses
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.pipelines.gate import PlanGate
-from engine.stages.validation import validate
-from engine.stages.validation.changes import State
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import And
-from kb.model.plan import GOAL, START, CausalLink, Plan, in_sequence
-from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import And
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, in_sequence
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function
 from tests.properties.plans import ATOMS, posed
 from tests.properties.problems import CONSTANTS, conditions, problems, successors
 from tests.properties.simulation import Simulation

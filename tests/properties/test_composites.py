@@ -5,20 +5,20 @@ import itertools
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, Infeasible
-from engine.model.task import GroundOperator, Task, progress
-from engine.stages.grounding import ground
-from engine.stages.planning import STRATEGIES, Limits, Macros, plan
-from engine.stages.planning.composites import Joins, Pattern, composed
-from engine.stages.planning.effort import Effort
-from engine.stages.planning.forward.search import forward
-from engine.stages.planning.forward.suggestions import Suggestions
-from engine.stages.planning.regression.mutexes import mutexes
-from engine.stages.planning.regression.searches import BestFirst
-from engine.stages.planning.regression.space import Backward, Regression
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
-from kb.terms import Function, Term, Variable, match
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.model.task import GroundOperator, Task, progress
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import STRATEGIES, Limits, Macros, plan
+from cellwright.engine.stages.planning.composites import Joins, Pattern, composed
+from cellwright.engine.stages.planning.effort import Effort
+from cellwright.engine.stages.planning.forward.search import forward
+from cellwright.engine.stages.planning.forward.suggestions import Suggestions
+from cellwright.engine.stages.planning.regression.mutexes import mutexes
+from cellwright.engine.stages.planning.regression.searches import BestFirst
+from cellwright.engine.stages.planning.regression.space import Backward, Regression
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term, Variable, match
 from tests.properties.problems import problems, shortest
 
 DILIGENT = settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))

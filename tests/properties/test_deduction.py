@@ -3,9 +3,9 @@
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.task import Bits, bitset, indices
-from engine.stages.grounding.closure import Deduction
-from kb.asp import Grounder
+from cellwright.engine.model.task import Bits, bitset, indices
+from cellwright.engine.stages.grounding.closure import Deduction
+from cellwright.kb.asp import Grounder
 
 SIZE = 6
 MASKS = st.lists(st.integers(0, 2**SIZE - 1), min_size=SIZE, max_size=SIZE)

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 import pytest
 from _pytest.mark import ParameterSet
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.stages.diagnosis.knowledge import Objective
-from engine.stages.planning import Limits
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.diagnosis.knowledge import Objective
+from cellwright.engine.stages.planning import Limits
 from tests.properties.detours import needless
 from tests.properties.recoveries import Ended, case, faults, interruptions, random_work, work
 from tests.properties.test_recovery import NAMES

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
-from engine.model.explanation import Amendment, Edit, Explanation
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.explanation import changed, explain
-from engine.pipelines.explanation.alike import Alike
-from engine.pipelines.explanation.space import Space
-from kb.model.conditions import And, BodyPart, Comparison, Exists, Literal
-from kb.model.domain import Domain, Effect, Kind, Operator, Predicate
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Operation, Term, Variable, exchanged, substitute_atom
+from cellwright.engine.model.explanation import Amendment, Edit, Explanation
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import changed, explain
+from cellwright.engine.pipelines.explanation.alike import Alike
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.kb.model.conditions import And, BodyPart, Comparison, Exists, Literal
+from cellwright.kb.model.domain import Domain, Effect, Kind, Operator, Predicate
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, Operation, Term, Variable, exchanged, substitute_atom
 from tests.properties.problems import OBJECTS, ONE_X, TYPES, X, problems, shortest
 
 FLUENTS = [*(Function(name, (Function(each),)) for name in ("p", "q") for each in OBJECTS), Function("r")]

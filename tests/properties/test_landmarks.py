@@ -9,15 +9,15 @@ from pathlib import Path
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.formats.interop.pddl import read_pddl
-from engine.model.task import Bits, GroundOperator, Task, indices, progress
-from engine.stages.grounding import ground
-from engine.stages.planning.forward.disjunctive import kinds_of
-from engine.stages.planning.forward.landmarks import Hints, Landmarks
-from engine.stages.planning.forward.orders import Reached, interfering, ordered
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices, progress
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning.forward.disjunctive import kinds_of
+from cellwright.engine.stages.planning.forward.landmarks import Hints, Landmarks
+from cellwright.engine.stages.planning.forward.orders import Reached, interfering, ordered
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 from tests.properties.problems import problems
 
 DILIGENT = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))

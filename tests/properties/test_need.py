@@ -6,16 +6,25 @@ import pytest
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, Infeasible
-from engine.model.task import Task, progress
-from engine.pipelines.planning import planned
-from engine.stages.grounding import ground
-from engine.stages.grounding.need import faithful, thinned, without_irrelevant
-from kb.diagnostics import InvalidInput
-from kb.model.conditions import And, Comparison, Exists, ForAll, Literal, Not, Parameter
-from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Predicate, Type
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Term, Variable
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.model.task import Task, progress
+from cellwright.engine.pipelines.planning import planned
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.grounding.need import faithful, thinned, without_irrelevant
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.conditions import And, Comparison, Exists, ForAll, Literal, Not, Parameter
+from cellwright.kb.model.domain import (
+    Consequence,
+    DeductiveOperator,
+    Domain,
+    Effect,
+    Kind,
+    Operator,
+    Predicate,
+    Type,
+)
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, Term, Variable
 
 DILIGENT = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 MOST = 6_000  # states that are looked at

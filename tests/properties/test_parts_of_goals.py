@@ -7,14 +7,14 @@ from tempfile import TemporaryDirectory
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, Infeasible
-from engine.stages.grounding import ground, ground_parts, separable
-from engine.stages.planning import plan
-from kb.diagnostics import InvalidInput
-from kb.model.conditions import And, Condition, goal_parts
-from kb.model.domain import Effect, Kind, Predicate
-from kb.model.problem import Chain, Problem
-from kb.terms import Function
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.stages.grounding import ground, ground_parts, separable
+from cellwright.engine.stages.planning import plan
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.conditions import And, Condition, goal_parts
+from cellwright.kb.model.domain import Effect, Kind, Predicate
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import Function
 from tests.properties.problems import CONSTANTS, conditions, problems, shortest
 from tests.properties.test_quantities import cases, loaded
 

@@ -7,18 +7,18 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, Infeasible
-from engine.model.task import progress
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from engine.stages.planning.regression.mutexes import mutexes
-from engine.stages.planning.regression.space import Backward, Regression
-from engine.stages.validation import validate
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import InvalidInput
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.model.task import progress
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning.regression.mutexes import mutexes
+from cellwright.engine.stages.planning.regression.space import Backward, Regression
+from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
 from tests.properties.problems import problems, shortest, successors
 
 FAMILIES = st.one_of(problems(), problems(conditional=True), problems(deductive=True))

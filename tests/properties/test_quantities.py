@@ -9,20 +9,20 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.pipelines.explanation import changed, explain
-from engine.pipelines.explanation.space import Space
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from engine.stages.planning.consistency import Proof
-from engine.stages.planning.effort import NO_PLAN, Effort
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import InvalidInput
-from kb.loader import load
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import changed, explain
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning.consistency import Proof
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number
 
 DOMAIN = """
 domain: jugs

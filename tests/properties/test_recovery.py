@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import pytest
 from _pytest.mark import ParameterSet
 
-from engine.model.outcome import Found, Infeasible
-from engine.stages.diagnosis.knowledge import Objective
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.stages.diagnosis.knowledge import Objective
 from tests.properties.recoveries import (
     Ended,
     carried_out,

@@ -4,12 +4,12 @@ import random
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from engine.model.cases import Hypothesis
-from engine.pipelines.simulation.dynamics import WorldState
-from engine.pipelines.simulation.faulty import FaultyCell
-from engine.stages.diagnosis.knowledge import CURED
-from engine.stages.diagnosis.world import HiddenWorld
-from kb.terms import Function
+from cellwright.engine.model.cases import Hypothesis
+from cellwright.engine.pipelines.simulation.dynamics import WorldState
+from cellwright.engine.pipelines.simulation.faulty import FaultyCell
+from cellwright.engine.stages.diagnosis.knowledge import CURED
+from cellwright.engine.stages.diagnosis.world import HiddenWorld
+from cellwright.kb.terms import Function
 
 DONE = ""
 

@@ -1,13 +1,13 @@
-"""Gives the files of a domain their usual form, one after another. `kb.editing.layout` says what that is."""
+"""Gives the files of a domain their usual form, one after another. `cellwright.kb.editing.layout` says what that is."""
 
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, in_order
-from kb.editing.layout import formatted
-from kb.files import is_folder, read_file
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, in_order
+from cellwright.kb.editing.layout import formatted
+from cellwright.kb.files import is_folder, read_file
 
 SUFFIXES = (".yaml", ".yml", ".lp")
 

@@ -5,10 +5,10 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from engine.authoring.starter.assembled import texts
-from engine.authoring.testing.golden import compare_all, update
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.schema import json_schema
+from cellwright.engine.authoring.starter.assembled import texts
+from cellwright.engine.authoring.testing.golden import compare_all, update
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.schema import json_schema
 
 SCHEMAS = ("domain", "problem", "faults")
 CELL = Path(__file__).with_name("cell")

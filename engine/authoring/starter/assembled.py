@@ -4,10 +4,10 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import File
-from kb.loader.uses import Device, Use, all_devices, uses_in
-from kb.targets import DOMAIN_FILE
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.files import File
+from cellwright.kb.loader.uses import Device, Use, all_devices, uses_in
+from cellwright.kb.targets import DOMAIN_FILE
 
 STORES = (
     "plate_hotel",

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from engine.authoring.testing.meaning import listing, meaning
-from engine.formats.report.json import envelope, outcome, status
-from engine.pipelines import objective, planning
-from engine.stages.planning import Limits
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader import find, problem_files
+from cellwright.engine.authoring.testing.meaning import listing, meaning
+from cellwright.engine.formats.report.json import envelope, outcome, status
+from cellwright.engine.pipelines import objective, planning
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.loader import find, problem_files
 
 FOLDER = "golden"
 

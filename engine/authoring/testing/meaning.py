@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from engine.model.wording import counted
+from cellwright.engine.model.wording import counted
 
 Envelope = Mapping[str, Any]
 

@@ -30,7 +30,7 @@ class GoldenDomain(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """One item per problem file."""
-        from kb.targets import problem_files  # only where there is such a folder
+        from cellwright.kb.targets import problem_files  # only where there is such a folder
 
         for file in problem_files(self.path):
             yield GoldenPlan.from_parent(self, name=file.stem, problem_file=file)
@@ -49,7 +49,7 @@ class GoldenPlan(pytest.Item):
 
     def runtest(self) -> None:
         """Compare the answer with the golden file, or accept it."""
-        from engine.authoring.testing.golden import FOLDER, compare, update
+        from cellwright.engine.authoring.testing.golden import FOLDER, compare, update
 
         golden = self.problem_file.parent.parent / FOLDER / f"{self.problem_file.stem}.json"
         comparison = compare(self.problem_file, golden)

@@ -8,10 +8,10 @@ def main() -> None:
     """Run the command line. Before a verb begins and after it ends, Ctrl-C ends the process without a message."""
     _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
     gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
-    from engine.faces.cli.kept_code import kept_code
+    from cellwright.engine.faces.cli.kept_code import kept_code
 
     code = kept_code()
-    from engine.faces.cli.command import run
+    from cellwright.engine.faces.cli.command import run
 
     run(code)
 
@@ -19,7 +19,7 @@ def main() -> None:
 def __getattr__(name: str) -> object:
     """The typer application, made at the first access."""
     if name == "app":
-        from engine.faces.cli.application import app
+        from cellwright.engine.faces.cli.application import app
 
         return app
     raise AttributeError(name)

@@ -1,5 +1,5 @@
-"""`python -m engine.faces.cli` is `cellwright`."""
+"""`python -m cellwright.engine.faces.cli` is `cellwright`."""
 
-from engine.faces.cli import main
+from cellwright.engine.faces.cli import main
 
 main()

@@ -17,18 +17,18 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from engine.faces.cli.declared import is_misfit
-from engine.faces.cli.ending import abandon
-from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
-from engine.faces.cli.memory import is_short, lift_limit
-from engine.faces.cli.slow import answered
-from engine.faces.cli.watchdog import Watch, current
-from kb.stopping import Stopped
+from cellwright.engine.faces.cli.declared import is_misfit
+from cellwright.engine.faces.cli.ending import abandon
+from cellwright.engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
+from cellwright.engine.faces.cli.memory import is_short, lift_limit
+from cellwright.engine.faces.cli.slow import answered
+from cellwright.engine.faces.cli.watchdog import Watch, current
+from cellwright.kb.stopping import Stopped
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from kb.diagnostics import Diagnostic
+    from cellwright.kb.diagnostics import Diagnostic
 
 
 UNCOMPILED = """\
@@ -76,7 +76,11 @@ def give(make: Callable[[], Answer], form: Form, output: Path | None = None) -> 
 
 def uncompiled() -> bool:
     """Whether a module that has types to be compiled with runs as plain Python in this process."""
-    files = [str(module.__file__) for name, module in list(sys.modules.items()) if name.startswith("engine.")]
+    files = [
+        str(module.__file__)
+        for name, module in list(sys.modules.items())
+        if name.startswith("cellwright.engine.")
+    ]
     return any(file.endswith(".py") and os.path.exists(f"{file[:-3]}.pxd") for file in files)
 
 
@@ -95,7 +99,7 @@ def writing() -> Iterator[None]:
 
 def refuse(wrong: str, command: str, code: str) -> NoReturn:
     """Report a wrong command line to a program that asked for JSON."""
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     def make() -> Answer:
         hint = f"`{command} --help` shows what it takes"
@@ -134,7 +138,7 @@ def _hearing() -> Iterator[None]:
 def _answered(make: Callable[[], Answer]) -> Answer:
     """The answer, also if it is interrupted while it is refused."""
     watch = current() or Watch()
-    if (opening := sys.modules.get("kb.store.opening")) is not None:
+    if (opening := sys.modules.get("cellwright.kb.store.opening")) is not None:
         opening.begin_anew()
     try:
         watch.asked = True
@@ -151,7 +155,7 @@ def _answered(make: Callable[[], Answer]) -> Answer:
 
 
 def _made(make: Callable[[], Answer]) -> Answer:
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     try:
         return make()
@@ -187,7 +191,7 @@ def _failed(error: Exception) -> Answer:
 
 def _out_of_memory() -> Answer:
     """The answer of a command whose memory has run out. It may take more, to say so."""
-    from kb.diagnostics import Diagnostic, Source
+    from cellwright.kb.diagnostics import Diagnostic, Source
 
     lift_limit()
     found = Diagnostic(
@@ -198,17 +202,17 @@ def _out_of_memory() -> Answer:
 
 def _damage() -> "tuple[Diagnostic, ...]":
     """What is wrong in the libraries that were opened: damage there explains what no reader could foresee."""
-    if "kb.store.opening" not in sys.modules:
+    if "cellwright.kb.store.opening" not in sys.modules:
         return ()
-    from kb.store.checking import damage
-    from kb.store.opening import opened_so_far
+    from cellwright.kb.store.checking import damage
+    from cellwright.kb.store.opening import opened_so_far
 
     return damage(opened_so_far())
 
 
 def _stopped(code: int) -> Answer:
     """The answer of a command that was ended before it had one: by its time limit or by Ctrl-C."""
-    from kb.diagnostics import Diagnostic, Source
+    from cellwright.kb.diagnostics import Diagnostic, Source
 
     if code == INTERRUPTED:
         return Answer("interrupted", code=INTERRUPTED)
@@ -234,7 +238,7 @@ def _print(answer: Answer, form: Form) -> None:
     if document is not None:
         _write(document)
     elif answer.text is not None:
-        from engine.faces.cli.terminal import console
+        from cellwright.engine.faces.cli.terminal import console
 
         console().print(answer.text())
 
@@ -243,16 +247,16 @@ def _document(answer: Answer, form: Form) -> str | None:
     """The answer as data or as a picture; None if it is text."""
     if answer.raw is not None or form is Form.TEXT:
         return answer.raw
-    from engine.formats.report import json
+    from cellwright.engine.formats.report import json
 
     return json.envelope(answer.status, answer.content, answer.diagnostics) + "\n"
 
 
 def _print_and_save(answer: Answer, form: Form, output: Path) -> None:
     """Print the text, then write the file, so that a full disk does not take the answer with it. A failure is not written."""
-    from engine.faces.cli.saving import save
-    from engine.faces.cli.terminal import console
-    from kb.diagnostics import escaped
+    from cellwright.engine.faces.cli.saving import save
+    from cellwright.engine.faces.cli.terminal import console
+    from cellwright.kb.diagnostics import escaped
 
     _print(replace(answer, raw=None), Form.TEXT)
     document = _document(answer, form) if answer.text and answer.code in (0, INTERRUPTED) else None
@@ -269,7 +273,7 @@ def _write(text: str) -> None:
     """Write data as UTF-8, whatever the encoding of the terminal is."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8", errors="replace")
-    from kb.diagnostics import escaped
+    from cellwright.kb.diagnostics import escaped
 
     sys.stdout.write(escaped(text))
 
@@ -278,8 +282,8 @@ def _report(answer: Answer) -> None:
     """Print diagnostics and failures on standard error."""
     if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
         return
-    from engine.faces.cli import terminal
-    from engine.formats.report.findings import diagnostics
+    from cellwright.engine.faces.cli import terminal
+    from cellwright.engine.formats.report.findings import diagnostics
 
     console = terminal.console(stderr=True, soft_wrap=True)
     if answer.diagnostics:

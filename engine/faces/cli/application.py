@@ -8,11 +8,11 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from engine.faces.cli.answers import refuse, writing
-from engine.faces.cli.declared import WRONG
-from engine.faces.cli.limited import limited
-from engine.faces.cli.purposes import VERBS_FOR, arranged
-from engine.faces.cli.verbs import VERBS, verb
+from cellwright.engine.faces.cli.answers import refuse, writing
+from cellwright.engine.faces.cli.declared import WRONG
+from cellwright.engine.faces.cli.limited import limited
+from cellwright.engine.faces.cli.purposes import VERBS_FOR, arranged
+from cellwright.engine.faces.cli.verbs import VERBS, verb
 
 USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no public name for it
 
@@ -61,7 +61,7 @@ def _escaping() -> Iterator[None]:
     try:
         yield
     except USAGE as wrong:
-        from kb.diagnostics import escaped
+        from cellwright.kb.diagnostics import escaped
 
         wrong.message = escaped(wrong.message)
         raise

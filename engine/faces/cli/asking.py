@@ -2,22 +2,22 @@
 
 from typing import TYPE_CHECKING
 
-from kb.numbers import is_count
+from cellwright.kb.numbers import is_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from engine.faces.cli.interruption import Interruption
-    from engine.model.troubleshooting import Action, Advice
-    from engine.pipelines.troubleshooting import Desk
-    from engine.stages.diagnosis.session import Answerer
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.model.troubleshooting import Action, Advice
+    from cellwright.engine.pipelines.troubleshooting import Desk
+    from cellwright.engine.stages.diagnosis.session import Answerer
 
 
 def asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
     """A function that asks the person at the terminal. An empty line, Ctrl-C or the end of the input ends the case."""
-    from engine.faces.cli import terminal
-    from engine.faces.cli.slow import hushed
-    from engine.formats.report import diagnosis as report
+    from cellwright.engine.faces.cli import terminal
+    from cellwright.engine.faces.cli.slow import hushed
+    from cellwright.engine.formats.report import diagnosis as report
 
     console = terminal.console(stderr=True)
 

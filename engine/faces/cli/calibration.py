@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.options import Format, Seed
-from engine.faces.cli.scene_files import Calibration, SceneName, scene_of
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.options import Format, Seed
+from cellwright.engine.faces.cli.scene_files import Calibration, SceneName, scene_of
 
 if TYPE_CHECKING:
-    from kb.model.scene import Scene
+    from cellwright.kb.model.scene import Scene
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Calibrate the range finder, or where it stands."
@@ -47,9 +47,9 @@ def _range(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.formats.interop.calibration_files import read_plates
-    from engine.formats.report import calibration as report
-    from engine.pipelines.placing import calibrating
+    from cellwright.engine.formats.interop.calibration_files import read_plates
+    from cellwright.engine.formats.report import calibration as report
+    from cellwright.engine.pipelines.placing import calibrating
 
     read, hidden = scene_of(scene, calibration), None
     if readings is not None:
@@ -88,11 +88,11 @@ def _camera(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.formats.interop.calibration_files import read_held
-    from engine.formats.report import calibration as report
-    from engine.pipelines.placing import calibrating
-    from engine.pipelines.placing.looking import camera_pose
-    from engine.stages.geometry.world.model import World
+    from cellwright.engine.formats.interop.calibration_files import read_held
+    from cellwright.engine.formats.report import calibration as report
+    from cellwright.engine.pipelines.placing import calibrating
+    from cellwright.engine.pipelines.placing.looking import camera_pose
+    from cellwright.engine.stages.geometry.world.model import World
 
     keep, calibration = files
     read, hidden = scene_of(scene, calibration), None
@@ -108,7 +108,7 @@ def _camera(
 
 def _kept(keep: Path | None, scene: "Scene") -> str:
     """Keep what was found, if that is asked for; the line that says so."""
-    from kb.loader.calibration import calibration_text
+    from cellwright.kb.loader.calibration import calibration_text
 
     if keep is None or scene.calibrated is None:
         return ""

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Option
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Target, number
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Option
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Target, number
 
 if TYPE_CHECKING:
-    from engine.stages.geometry.pictures.view import View
+    from cellwright.engine.stages.geometry.pictures.view import View
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -100,11 +100,11 @@ def _show(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.pipelines.files import initial_facts
-    from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures import view
-    from kb.diagnostics import escaped
-    from kb.loader.cell import cell_of
+    from cellwright.engine.pipelines.files import initial_facts
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.engine.stages.geometry.pictures import view
+    from cellwright.kb.diagnostics import escaped
+    from cellwright.kb.loader.cell import cell_of
 
     facts = initial_facts(target)
     shown = view.view_of(cell_of(target), geometry_backend(), configurations, place, facts)
@@ -121,7 +121,7 @@ def _show(
 def _drawn(shown: "View", kind: PictureForm, seen: tuple[float, float]) -> str | bytes | None:
     from math import radians
 
-    from engine.stages.geometry.pictures import view
+    from cellwright.engine.stages.geometry.pictures import view
 
     azimuth, elevation = map(radians, seen)
     match kind:
@@ -137,7 +137,7 @@ def _drawn(shown: "View", kind: PictureForm, seen: tuple[float, float]) -> str |
 
 def _as_text(drawn: str | bytes) -> str:
     """A picture for standard output. Raises `InvalidInput` for a picture that is not text."""
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if isinstance(drawn, bytes):
         hint = "give --output FILE, or --format svg"

@@ -3,10 +3,10 @@
 from enum import StrEnum
 from typing import Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.exits import BAD_INPUT, FINDINGS
-from engine.faces.cli.options import Format, Target
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.exits import BAD_INPUT, FINDINGS
+from cellwright.engine.faces.cli.options import Format, Target
 
 NoReach = Annotated[bool, Option("--no-reach", help="do not check which places of the cell the arms reach")]
 
@@ -19,9 +19,9 @@ def check(target: Target, no_reach: NoReach = False, format: Format = Form.TEXT)
 def _check(target: str, reach: bool) -> Answer:
     from rich.text import Text
 
-    from engine.formats.report.findings import summary
-    from engine.pipelines import checking
-    from kb.diagnostics import errors
+    from cellwright.engine.formats.report.findings import summary
+    from cellwright.engine.pipelines import checking
+    from cellwright.kb.diagnostics import errors
 
     report = checking.check(target, reach)
     found = report.diagnostics
@@ -54,6 +54,6 @@ def schema(kind: Annotated[SchemaKind, Argument(help="the kind of file")]) -> No
 def _schema(kind: SchemaKind) -> Answer:
     import json
 
-    from kb.schema import json_schema
+    from cellwright.kb.schema import json_schema
 
     return Answer("ok", raw=json.dumps(json_schema(kind.value), indent=1) + "\n")

@@ -3,24 +3,24 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from engine.faces.cli.answers import Answer
-from engine.model.wording import counted
+from cellwright.engine.faces.cli.answers import Answer
+from cellwright.engine.model.wording import counted
 
 if TYPE_CHECKING:
-    from engine.model.cases import Diagnosis
-    from engine.pipelines.troubleshooting import Desk
-    from kb.diagnostics import Diagnostic
-    from kb.store.cases import Cases
+    from cellwright.engine.model.cases import Diagnosis
+    from cellwright.engine.pipelines.troubleshooting import Desk
+    from cellwright.kb.diagnostics import Diagnostic
+    from cellwright.kb.store.cases import Cases
 
 
 def kept(
     target: str, store: str, history: bool, reset: bool, age: float | None, given: Path | None
 ) -> Answer:
     """Forget, age or add closed cases of a domain, in this order, then list them. Raises `InvalidInput`."""
-    from engine.pipelines.troubleshooting import fault_model
-    from engine.pipelines.troubleshooting.given import imported
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
-    from kb.store.cases import Cases
+    from cellwright.engine.pipelines.troubleshooting import fault_model
+    from cellwright.engine.pipelines.troubleshooting.given import imported
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.store.cases import Cases
 
     if not store:
         raise InvalidInput([Diagnostic(Source("--store"), "K409", "no store is given", "give --store FILE")])
@@ -43,7 +43,7 @@ def lost_case(found: "Desk", made: "Diagnosis", store: str) -> "tuple[Diagnostic
     """Keep a closed case, if there is a store; warnings if that fails, because the answer matters more."""
     from dataclasses import replace
 
-    from kb.diagnostics import InvalidInput
+    from cellwright.kb.diagnostics import InvalidInput
 
     try:
         if store:
@@ -57,8 +57,8 @@ def _history(domain: str, cases: "Cases", said: list[str], listed: bool) -> Answ
     from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report.diagnosis import number
-    from engine.formats.report.rows import TextTable
+    from cellwright.engine.formats.report.diagnosis import number
+    from cellwright.engine.formats.report.rows import TextTable
 
     found = cases.history(domain)
     rows = [

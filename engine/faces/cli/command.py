@@ -2,14 +2,14 @@
 
 import sys
 
-from engine.faces.cli.answers import open_streams, writing
-from engine.faces.cli.declared import is_misfit
-from engine.faces.cli.ending import leave
-from engine.faces.cli.exits import LIMIT
-from engine.faces.cli.kept_code import KeptCode
-from engine.faces.cli.memory import lift_limit
-from engine.faces.cli.plain_lines import plain_call
-from engine.faces.cli.watchdog import own_process
+from cellwright.engine.faces.cli.answers import open_streams, writing
+from cellwright.engine.faces.cli.declared import is_misfit
+from cellwright.engine.faces.cli.ending import leave
+from cellwright.engine.faces.cli.exits import LIMIT
+from cellwright.engine.faces.cli.kept_code import KeptCode
+from cellwright.engine.faces.cli.memory import lift_limit
+from cellwright.engine.faces.cli.plain_lines import plain_call
+from cellwright.engine.faces.cli.watchdog import own_process
 
 
 def run(code: KeptCode | None = None) -> None:
@@ -43,6 +43,6 @@ def _run(words: list[str]) -> None:
         except Exception as error:
             if not is_misfit(error):
                 raise
-    from engine.faces.cli.application import app
+    from cellwright.engine.faces.cli.application import app
 
     app()

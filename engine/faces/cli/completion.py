@@ -8,7 +8,7 @@ KINDS = (".yaml", ".yml", ".json", ".tsp", ".pddl")
 
 def targets(incomplete: str) -> list[str]:
     """Bundled domains and problems, and files and folders, that begin like this."""
-    from kb.targets import bundled
+    from cellwright.kb.targets import bundled
 
     names = [name for domain, folder in bundled().items() for name in (domain, *_problems(domain, folder))]
     return [*(each for each in names if each.startswith(incomplete)), *files(incomplete)]
@@ -28,14 +28,14 @@ def files(incomplete: str) -> list[str]:
 
 def scenes(incomplete: str) -> list[str]:
     """Bundled scenes, and files, that begin like this."""
-    from kb.targets import bundled_scenes
+    from cellwright.kb.targets import bundled_scenes
 
     return [*(each for each in bundled_scenes() if each.startswith(incomplete)), *files(incomplete)]
 
 
 def devices(incomplete: str) -> list[str]:
     """Devices that begin like this; of a list with commas, the last of them."""
-    from kb.targets import bundled_devices
+    from cellwright.kb.targets import bundled_devices
 
     before, comma, last = incomplete.rpartition(",")
     return [f"{before}{comma}{each}" for each in bundled_devices() if each.startswith(last)]
@@ -43,9 +43,9 @@ def devices(incomplete: str) -> list[str]:
 
 def runs(incomplete: str) -> list[str]:
     """Runs of the user's own journal that begin like this, the last ones first."""
-    from kb.diagnostics import InvalidInput
-    from kb.store.journal import Journal
-    from kb.store.own import default_store
+    from cellwright.kb.diagnostics import InvalidInput
+    from cellwright.kb.store.journal import Journal
+    from cellwright.kb.store.own import default_store
 
     try:
         with Journal(default_store()) as journal:

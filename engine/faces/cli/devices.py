@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.options import Format
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.options import Format
 
 Beside = Annotated[
     Path, Option("--beside", help="a domain folder: also its own devices, in its folder `devices`")
@@ -38,16 +38,16 @@ def show(
 
 
 def _list(beside: Path) -> Answer:
-    from engine.formats.report.devices import listed, listing
-    from kb.loader.uses import all_devices
+    from cellwright.engine.formats.report.devices import listed, listing
+    from cellwright.kb.loader.uses import all_devices
 
     found = all_devices(beside)
     return Answer("ok", {"devices": [listed(each) for each in found]}, lambda: listing(found))
 
 
 def _show(name: str, beside: Path) -> Answer:
-    from engine.formats.report.devices import listed, page
-    from kb.loader.uses import device_called
+    from cellwright.engine.formats.report.devices import listed, page
+    from cellwright.kb.loader.uses import device_called
 
     found = device_called(name, beside)
     return Answer("ok", listed(found), lambda: page(found))

@@ -5,18 +5,18 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Option, misfit
-from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Seed, Target, TimeLimit, number
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Option, misfit
+from cellwright.engine.faces.cli.exits import GAVE_UP, INTERRUPTED
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Seed, Target, TimeLimit, number
 
 if TYPE_CHECKING:
-    from engine.faces.cli.interruption import Interruption
-    from engine.model.cases import Diagnosis
-    from engine.model.troubleshooting import Advice
-    from engine.pipelines.troubleshooting import Desk
-    from engine.stages.diagnosis.session import Answerer, Session
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.model.cases import Diagnosis
+    from cellwright.engine.model.troubleshooting import Advice
+    from cellwright.engine.pipelines.troubleshooting import Desk
+    from cellwright.engine.stages.diagnosis.session import Answerer, Session
 
 
 class DiagnosisForm(StrEnum):
@@ -120,7 +120,7 @@ def diagnose(
     manner = Manner(tree, explain, outcomes, hidden, recover, seed, format is DiagnosisForm.SVG)
     if history or reset or age is not None or counts is not None:
         _refuse_case(asked, manner)
-        from engine.faces.cli.closed_cases import kept
+        from cellwright.engine.faces.cli.closed_cases import kept
 
         give(lambda: kept(target, store, history, reset, age, counts), form)
     _refuse_idle(asked, manner)
@@ -187,9 +187,9 @@ def _refuse_idle(asked: Asked, manner: Manner) -> None:
 
 
 def _diagnosed(asked: Asked, manner: Manner) -> Answer:
-    from engine.faces.cli.interruption import Interruption
-    from engine.pipelines.troubleshooting import desk
-    from engine.pipelines.troubleshooting.given import Failed, Seen
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.pipelines.troubleshooting import desk
+    from cellwright.engine.pipelines.troubleshooting.given import Failed, Seen
 
     failed = Failed(asked.plan, asked.step, asked.done) if asked.plan else None
     objective, store = asked.objective.value, asked.store
@@ -218,9 +218,9 @@ def _answered(found: "Desk", manner: Manner, interrupted: "Interruption", store:
 
 
 def _tree(found: "Desk", picture: bool) -> Answer:
-    from engine.formats.report import diagnosis as report
-    from engine.formats.report.decision_svg import decision_tree
-    from engine.model.troubleshooting import expected_cost
+    from cellwright.engine.formats.report import diagnosis as report
+    from cellwright.engine.formats.report.decision_svg import decision_tree
+    from cellwright.engine.model.troubleshooting import expected_cost
 
     selector, problem = found.session.selector, found.session.case.problem
     advice, made = found.session.advice(), selector.tree(found.session.standing)
@@ -240,7 +240,7 @@ def _explained(session: "Session") -> Answer:
     from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report import diagnosis as report
+    from cellwright.engine.formats.report import diagnosis as report
 
     problem, advice = session.case.problem, session.advice()
     compared = _compared(session, advice)
@@ -258,8 +258,8 @@ def _compared(session: "Session", advice: "Advice") -> tuple[tuple[int, float, b
 
 
 def _answerer(found: "Desk", manner: Manner, interrupted: "Interruption") -> "Answerer":
-    from engine.pipelines.troubleshooting.given import hidden_hypothesis, scripted
-    from engine.stages.diagnosis.world import HiddenWorld
+    from cellwright.engine.pipelines.troubleshooting.given import hidden_hypothesis, scripted
+    from cellwright.engine.stages.diagnosis.world import HiddenWorld
 
     if manner.outcomes:
         return scripted(found.model, manner.outcomes)
@@ -269,7 +269,7 @@ def _answerer(found: "Desk", manner: Manner, interrupted: "Interruption") -> "An
         hypothesis = hidden_hypothesis(found.model, manner.hidden)
         world = HiddenWorld(found.model, hypothesis, random.Random(manner.seed))
         return lambda action, _advice: world.respond(action)
-    from engine.faces.cli.asking import asking
+    from cellwright.engine.faces.cli.asking import asking
 
     return asking(found, interrupted)
 
@@ -277,10 +277,10 @@ def _answerer(found: "Desk", manner: Manner, interrupted: "Interruption") -> "An
 def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answer:
     from rich.console import Group
 
-    from engine.faces.cli.closed_cases import lost_case
-    from engine.formats.report import diagnosis as report
-    from engine.formats.report import recovery
-    from engine.stages.diagnosis.session import run
+    from cellwright.engine.faces.cli.closed_cases import lost_case
+    from cellwright.engine.formats.report import diagnosis as report
+    from cellwright.engine.formats.report import recovery
+    from cellwright.engine.stages.diagnosis.session import run
 
     made = run(found.session, answer)
     lost = lost_case(found, made, store)

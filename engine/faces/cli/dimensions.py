@@ -4,16 +4,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import FINDINGS
-from engine.faces.cli.options import Format, number
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import FINDINGS
+from cellwright.engine.faces.cli.options import Format, number
 
 if TYPE_CHECKING:
-    from engine.model.geometry import Floats
-    from engine.model.ranging import RangeImage
-    from engine.pipelines.dimensions import Asked
-    from kb.model.ranging import Ranging
+    from cellwright.engine.model.geometry import Floats
+    from cellwright.engine.model.ranging import RangeImage
+    from cellwright.engine.pipelines.dimensions import Asked
+    from cellwright.kb.model.ranging import Ranging
 
 ImageFile = Annotated[
     Path,
@@ -85,9 +85,9 @@ def dimensions(
 
 
 def _asked(said: str) -> "Asked":
-    from engine.model.fits import Shape
-    from engine.model.ranging import Window
-    from engine.pipelines.dimensions import Asked
+    from cellwright.engine.model.fits import Shape
+    from cellwright.engine.model.ranging import Window
+    from cellwright.engine.pipelines.dimensions import Asked
 
     name, _, rest = said.partition("=")
     shape, _, corners = rest.partition(":")
@@ -120,9 +120,9 @@ def _image(
     """Reads an image, and resolves its ranges if they are wrapped."""
 
     def read() -> "RangeImage":
-        from engine.formats.interop.range_files import read_ranges
-        from engine.model.ranging import Vague
-        from engine.stages.vision.ranging import resolved
+        from cellwright.engine.formats.interop.range_files import read_ranges
+        from cellwright.engine.model.ranging import Vague
+        from cellwright.engine.stages.vision.ranging import resolved
 
         image = read_ranges(path, None if tool is None else _tool(*tool))
         if not image.wrapped:
@@ -140,9 +140,9 @@ def _image(
 
 
 def _tool(target: str, name: str) -> "Ranging":
-    from engine.pipelines.dimensions.surfaces import ranging_of
-    from kb.loader.cell import cell_of, load_cell
-    from kb.targets import CELL_FILE
+    from cellwright.engine.pipelines.dimensions.surfaces import ranging_of
+    from cellwright.kb.loader.cell import cell_of, load_cell
+    from cellwright.kb.targets import CELL_FILE
 
     own = target.endswith(CELL_FILE) and Path(target).is_file()
     return ranging_of(load_cell(Path(target)) if own else cell_of(target), name)
@@ -152,8 +152,8 @@ def _expected_m(about: str, image: "RangeImage") -> "Floats":
     """The ranges (h, w) that are expected: those of a plane square to the axis so far away, or those of an image."""
     import numpy as np
 
-    from engine.formats.interop.range_files import read_ranges
-    from engine.stages.vision.ranging import of_depths
+    from cellwright.engine.formats.interop.range_files import read_ranges
+    from cellwright.engine.stages.vision.ranging import of_depths
 
     size = (image.tool.height, image.tool.width)
     try:
@@ -172,7 +172,7 @@ def _expected_m(about: str, image: "RangeImage") -> "Floats":
 
 
 def _refuse_if(so: bool, path: Path, told: str, hint: str) -> None:
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if so:
         raise InvalidInput([Diagnostic(Source(str(path)), "K702", told, hint)])
@@ -185,11 +185,11 @@ def _dimensions(
     pairs: list[tuple[str, str]],
     picture: Path | None,
 ) -> Answer:
-    from engine.faces.cli.written import write
-    from engine.formats.report import ranges as report
-    from engine.model.fits import Fit
-    from engine.pipelines.dimensions import dimensions as measured
-    from engine.pipelines.dimensions import related
+    from cellwright.engine.faces.cli.written import write
+    from cellwright.engine.formats.report import ranges as report
+    from cellwright.engine.model.fits import Fit
+    from cellwright.engine.pipelines.dimensions import dimensions as measured
+    from cellwright.engine.pipelines.dimensions import related
 
     image = read()
     for each in asked:

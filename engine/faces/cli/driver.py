@@ -4,18 +4,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Option, misfit
-from engine.faces.cli.options import Format, Seed, Target
-from engine.faces.cli.run import Factor, Faults, Options, options_of
-from kb.numbers import is_count
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Option, misfit
+from cellwright.engine.faces.cli.options import Format, Seed, Target
+from cellwright.engine.faces.cli.run import Factor, Faults, Options, options_of
+from cellwright.kb.numbers import is_count
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.model.execution import Command
-    from engine.pipelines.controllers.conformance import Checked
-    from kb.model.problem import Problem
+    from cellwright.engine.model.execution import Command
+    from cellwright.engine.pipelines.controllers.conformance import Checked
+    from cellwright.kb.model.problem import Problem
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -34,7 +34,7 @@ def list_(format: Format = Form.TEXT) -> None:
 def _list() -> Answer:
     from rich.text import Text
 
-    from engine import plugins
+    from cellwright.engine import plugins
 
     names = plugins.known(plugins.DRIVERS)
     return Answer("ok", {"drivers": names}, lambda: Text("\n".join(names)))
@@ -50,10 +50,10 @@ def check(target: Target, option: Options = None, seed: Seed = 0, format: Format
 
 
 def _check(target: str, options: list[str], seed: int) -> Answer:
-    from engine.faces.cli.exits import FINDINGS
-    from engine.pipelines import planning
-    from engine.pipelines.controllers import conformance
-    from engine.ports import DriverSetup
+    from cellwright.engine.faces.cli.exits import FINDINGS
+    from cellwright.engine.pipelines import planning
+    from cellwright.engine.pipelines.controllers import conformance
+    from cellwright.engine.ports import DriverSetup
 
     problem = planning.problem_of(target)
     setup = DriverSetup(problem, "conformance", seed, options=options_of(options))
@@ -65,9 +65,9 @@ def _check(target: str, options: list[str], seed: int) -> Answer:
 
 def _commands(problem: "Problem") -> "list[Command]":
     """The commands of a plan, in its order."""
-    from engine.model.execution import Command, CommandKind
-    from engine.pipelines.execution.planned import Ready, first
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.engine.model.execution import Command, CommandKind
+    from cellwright.engine.pipelines.execution.planned import Ready, first
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     ready = first(problem)
     if not isinstance(ready, Ready):
@@ -105,9 +105,9 @@ def serve(
     seed: Seed = 0,
 ) -> None:
     """Serve a simulated cell for TARGET as a controller: the reference for those who write one."""
-    from engine.pipelines import planning
-    from engine.pipelines.controllers import serving
-    from engine.ports import DriverSetup
+    from cellwright.engine.pipelines import planning
+    from cellwright.engine.pipelines.controllers import serving
+    from cellwright.engine.ports import DriverSetup
 
     host, _, port = listen.rpartition(":")
     if listen and not (host and is_count(port) and int(port) < 65_536):

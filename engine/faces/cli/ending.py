@@ -7,8 +7,8 @@ import threading
 from contextlib import suppress
 from typing import TextIO
 
-from engine.faces.cli.exits import INTERRUPTED, LIMIT
-from engine.faces.cli.watchdog import NAME
+from cellwright.engine.faces.cli.exits import INTERRUPTED, LIMIT
+from cellwright.engine.faces.cli.watchdog import NAME
 
 
 def leave(code: int) -> None:
@@ -39,7 +39,7 @@ def abandon(stream: TextIO) -> None:
 
 def _is_grounding() -> bool:
     """Whether a grounding that was given up still runs: only the end of the process ends it."""
-    bounded = sys.modules.get("kb.asp.bounded")
+    bounded = sys.modules.get("cellwright.kb.asp.bounded")
     return bounded is not None and bool(bounded.is_left_behind())
 
 
@@ -51,7 +51,7 @@ def _is_busy() -> bool:
 
 def _close() -> None:
     """Close databases, end processes, delete temporary folders: all that must not be left as it is."""
-    engines = sys.modules.get("kb.store.engines")
+    engines = sys.modules.get("cellwright.kb.store.engines")
     with suppress(Exception):
         if engines is not None:
             engines.close_all()

@@ -4,13 +4,13 @@ from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.numbers import NumberError, decimal
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.numbers import NumberError, decimal
 
 if TYPE_CHECKING:
-    from engine.pipelines.placing.optics import Errors
-    from engine.pipelines.workshop.running import Shift
-    from kb.model.scene import Scene
+    from cellwright.engine.pipelines.placing.optics import Errors
+    from cellwright.engine.pipelines.workshop.running import Shift
+    from cellwright.kb.model.scene import Scene
 
 
 def shifts_of(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "list[Shift]":
@@ -21,8 +21,8 @@ def shifts_of(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) ->
 
 def knock_of(text: str) -> "Errors":
     """By how much the camera was knocked: X,Y,Z,A,B,C in mm and degrees, along and about its own axes. Raises `InvalidInput`."""
-    from engine.pipelines.placing.camera_cell import errors_of
-    from engine.pipelines.placing.optics import Errors
+    from cellwright.engine.pipelines.placing.camera_cell import errors_of
+    from cellwright.engine.pipelines.placing.optics import Errors
 
     return errors_of({"moved": text}, 0) if text else Errors()
 
@@ -37,7 +37,7 @@ def needs_mujoco(option: str) -> None:
 def _shifts(scene: "Scene", shifted: Sequence[str], removed: Sequence[str]) -> "Iterator[Shift]":
     from math import radians
 
-    from engine.pipelines.workshop.running import Shift
+    from cellwright.engine.pipelines.workshop.running import Shift
 
     for text in shifted:
         part, _, numbers = text.partition("=")
@@ -61,7 +61,7 @@ def _three(numbers: str, text: str) -> tuple[float, float, float]:
 
 
 def _part(scene: "Scene", name: str, option: str, fixed: bool = False) -> str:
-    from kb.model.cell import BodyKind
+    from cellwright.kb.model.cell import BodyKind
 
     kinds = (BodyKind.PART, BodyKind.FIXTURE) if fixed else (BodyKind.PART,)
     parts = [each for each, body in scene.cell.bodies.items() if body.kind in kinds]

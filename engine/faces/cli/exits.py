@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from engine.model.outcome import Outcome
+    from cellwright.engine.model.outcome import Outcome
 
 FINDINGS, BAD_INPUT, INFEASIBLE, GAVE_UP, LIMIT, STOPPED, INTERNAL, INTERRUPTED = (
     1,
@@ -19,7 +19,7 @@ FINDINGS, BAD_INPUT, INFEASIBLE, GAVE_UP, LIMIT, STOPPED, INTERNAL, INTERRUPTED 
 
 def exit_code(outcome: "Outcome") -> int:
     """0 an answer, 10 proven infeasible, 12 gave up, 23 stopped by a limit of time or memory."""
-    from engine.model.outcome import Found, GaveUp, Infeasible
+    from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
 
     match outcome:
         case Found():

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument
-from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Command, Expansions, Format, Goals, TimeLimit
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument
+from cellwright.engine.faces.cli.exits import GAVE_UP, INTERRUPTED
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Command, Expansions, Format, Goals, TimeLimit
 
 
 def explain(
@@ -27,11 +27,11 @@ def explain(
 
 
 def _problem(target: str, goals: str, command: str, time_limit: float | None, expansions: int) -> Answer:
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report.explanation import explanation as text
-    from engine.formats.report.explanation import explanation_entry
-    from engine.pipelines import explanation, planning
-    from engine.stages.planning import Limits
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report.explanation import explanation as text
+    from cellwright.engine.formats.report.explanation import explanation_entry
+    from cellwright.engine.pipelines import explanation, planning
+    from cellwright.engine.stages.planning import Limits
 
     with Interruption(time_limit) as interrupted:
         problem = planning.problem_of(target, goals, command)
@@ -41,10 +41,10 @@ def _problem(target: str, goals: str, command: str, time_limit: float | None, ex
 
 
 def _step(file: Path, number: int) -> Answer:
-    from engine.formats.report.explanation import step_entry, step_reason
-    from engine.pipelines.explanation.steps import why
-    from engine.pipelines.planning import plan_in
-    from engine.stages.grounding import ground
+    from cellwright.engine.formats.report.explanation import step_entry, step_reason
+    from cellwright.engine.pipelines.explanation.steps import why
+    from cellwright.engine.pipelines.planning import plan_in
+    from cellwright.engine.stages.grounding import ground
 
     problem, plan = plan_in(file)
     found = why(ground(problem), plan, number, str(file))

@@ -4,10 +4,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Command, Format, Goals, Ground
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Command, Format, Goals, Ground
 
 
 class Language(StrEnum):
@@ -58,10 +58,10 @@ def export(
 def _behaviour_tree(file: Path, output: Path | None) -> Answer:
     from rich.text import Text
 
-    from engine.faces.cli.exits import FINDINGS
-    from engine.formats.interop import behaviour_trees
-    from engine.pipelines import planning
-    from kb.diagnostics import escaped
+    from cellwright.engine.faces.cli.exits import FINDINGS
+    from cellwright.engine.formats.interop import behaviour_trees
+    from cellwright.engine.pipelines import planning
+    from cellwright.kb.diagnostics import escaped
 
     problem, plan = planning.plan_in(file)
     if found := planning.check_plan(problem, plan, str(file)):
@@ -76,9 +76,9 @@ def _behaviour_tree(file: Path, output: Path | None) -> Answer:
 def _qif(target: str, output: Path | None) -> Answer:
     from rich.text import Text
 
-    from engine.formats.interop.inspections import as_qif
-    from engine.pipelines import planning
-    from kb.diagnostics import escaped
+    from cellwright.engine.formats.interop.inspections import as_qif
+    from cellwright.engine.pipelines import planning
+    from cellwright.kb.diagnostics import escaped
 
     text, count, told = as_qif(planning.problem_of(target))
     if output is None:
@@ -91,8 +91,8 @@ def _qif(target: str, output: Path | None) -> Answer:
 def _pddl(target: str, goals: str, command: str, ground: bool, output: Path) -> Answer:
     from rich.text import Text
 
-    from engine.formats.interop.pddl import files as pddl
-    from engine.pipelines import planning
+    from cellwright.engine.formats.interop.pddl import files as pddl
+    from cellwright.engine.pipelines import planning
 
     exported = pddl.exported(planning.problem_of(target, goals, command), lifted=not ground)
     domain, problem = pddl.write(exported, output)

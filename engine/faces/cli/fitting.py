@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import FINDINGS
-from engine.faces.cli.options import Format, Target, number
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import FINDINGS
+from cellwright.engine.faces.cli.options import Format, Target, number
 
 if TYPE_CHECKING:
-    from engine.model.fits import Aligning, Fitting, Shape
+    from cellwright.engine.model.fits import Aligning, Fitting, Shape
 
 ShapeName = Annotated[str, Argument(metavar="SHAPE", help="plane, sphere, cylinder, cone or circle")]
 Points = Annotated[
@@ -69,7 +69,7 @@ def fit(
 
 
 def _shape(name: str) -> "Shape":
-    from engine.model.fits import Shape
+    from cellwright.engine.model.fits import Shape
 
     known = [each.value for each in Shape]
     if name not in known:
@@ -95,12 +95,12 @@ def align(
 def _fit(asked: "list[tuple[Shape, Path]]", sigma_m: float, unit: str) -> Answer:
     import numpy as np
 
-    from engine.formats.interop.depth_files import read_cloud
-    from engine.formats.interop.tables import unit_m
-    from engine.formats.report import fits
-    from engine.model.fits import Cloud, Fit
-    from engine.stages.fitting.between import between
-    from engine.stages.fitting.surfaces import fitted
+    from cellwright.engine.formats.interop.depth_files import read_cloud
+    from cellwright.engine.formats.interop.tables import unit_m
+    from cellwright.engine.formats.report import fits
+    from cellwright.engine.model.fits import Cloud, Fit
+    from cellwright.engine.stages.fitting.between import between
+    from cellwright.engine.stages.fitting.surfaces import fitted
 
     metres = unit_m(unit)
     clouds = [(shape, read_cloud(path, metres)) for shape, path in asked]
@@ -121,12 +121,12 @@ def _fit(asked: "list[tuple[Shape, Path]]", sigma_m: float, unit: str) -> Answer
 
 
 def _align(target: str, path: Path, sigma_m: float, within: float | None, output: Path | None) -> Answer:
-    from engine.formats.interop.alignments import datums_of, read_results, write_moved
-    from engine.formats.report import alignments
-    from engine.model.fits import Alignment
-    from engine.pipelines import planning
-    from engine.pipelines.points import points
-    from engine.stages.fitting.alignment import aligned, sure_enough
+    from cellwright.engine.formats.interop.alignments import datums_of, read_results, write_moved
+    from cellwright.engine.formats.report import alignments
+    from cellwright.engine.model.fits import Alignment
+    from cellwright.engine.pipelines import planning
+    from cellwright.engine.pipelines.points import points
+    from cellwright.engine.stages.fitting.alignment import aligned, sure_enough
 
     problem = planning.problem_of(target)
     datums = datums_of(problem, read_results(path), sigma_m)

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.exits import BAD_INPUT, FINDINGS
-from engine.faces.cli.options import Format
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.exits import BAD_INPUT, FINDINGS
+from cellwright.engine.faces.cli.options import Format
 
 Files = Annotated[
     list[Path],
@@ -23,7 +23,7 @@ def format_files(files: Files, check: Check = False, format: Format = Form.TEXT)
 def _formatted(files: list[Path], check: bool) -> Answer:
     from rich.text import Text
 
-    from engine.authoring.layout import arrange
+    from cellwright.engine.authoring.layout import arrange
 
     made = arrange(files, write=not check)
     code = BAD_INPUT if made.findings else FINDINGS if check and made.changed else 0

@@ -3,15 +3,15 @@
 import os
 from typing import TYPE_CHECKING, Annotated, Any
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Option
-from engine.faces.cli.exits import FINDINGS
-from engine.faces.cli.options import Format, Target
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Option
+from cellwright.engine.faces.cli.exits import FINDINGS
+from cellwright.engine.faces.cli.options import Format, Target
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.authoring.testing.golden import GoldenComparison
+    from cellwright.engine.authoring.testing.golden import GoldenComparison
 
 
 def golden_plans(
@@ -24,8 +24,8 @@ def golden_plans(
 
 
 def _test(target: str, update: bool) -> Answer:
-    from engine.authoring.testing import golden
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.engine.authoring.testing import golden
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if update and os.environ.get("CI"):
         hint = "run it on your machine, read the differences, and commit the golden files"

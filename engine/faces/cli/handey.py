@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.calibration import app as calibration
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import FINDINGS, GAVE_UP, INFEASIBLE
-from engine.faces.cli.options import Format, Seed, number
-from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.calibration import app as calibration
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import FINDINGS, GAVE_UP, INFEASIBLE
+from cellwright.engine.faces.cli.options import Format, Seed, number
+from cellwright.engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
 
 if TYPE_CHECKING:
-    from engine.pipelines.placing.assembling import Built
-    from engine.pipelines.placing.optics import Errors
-    from engine.pipelines.workshop.running import Shift
-    from kb.model.domain import Domain
-    from kb.model.scene import Scene
+    from cellwright.engine.pipelines.placing.assembling import Built
+    from cellwright.engine.pipelines.placing.optics import Errors
+    from cellwright.engine.pipelines.workshop.running import Shift
+    from cellwright.kb.model.domain import Domain
+    from cellwright.kb.model.scene import Scene
 
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
 app = typer.Typer(
@@ -80,13 +80,13 @@ def _assembled(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.faces.cli.execution_options import knock_of, shifts_of
-    from engine.formats.interop.depth_files import read_depth
-    from engine.formats.report import assembling as report
-    from engine.pipelines.placing import assembling, looking
-    from engine.pipelines.placing.optics import Optics
-    from engine.stages.geometry.world.model import World
-    from kb.loader import load_domain
+    from cellwright.engine.faces.cli.execution_options import knock_of, shifts_of
+    from cellwright.engine.formats.interop.depth_files import read_depth
+    from cellwright.engine.formats.report import assembling as report
+    from cellwright.engine.pipelines.placing import assembling, looking
+    from cellwright.engine.pipelines.placing.optics import Optics
+    from cellwright.engine.stages.geometry.world.model import World
+    from cellwright.kb.loader import load_domain
 
     given = read_depth(image, looking.camera_of(read)) if image else None
     domain, shifts = load_domain("handey"), shifts_of(read, *done[0]) if done is not None else None
@@ -106,10 +106,10 @@ def _executed(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.faces.cli.exits import STOPPED
-    from engine.formats.report import assembling as planned
-    from engine.formats.report import workshop as report
-    from engine.pipelines.workshop.running import executed
+    from cellwright.engine.faces.cli.exits import STOPPED
+    from cellwright.engine.formats.report import assembling as planned
+    from cellwright.engine.formats.report import workshop as report
+    from cellwright.engine.pipelines.workshop.running import executed
 
     done = executed(made, domain, changes[0], seed, knock=changes[1])
     outcome = done.runs[-1].outcome
@@ -145,11 +145,11 @@ def _aligned(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.formats.interop.depth_files import read_depth
-    from engine.formats.report import portions as report
-    from engine.pipelines.placing import aligning, looking
-    from kb.loader.scene import load_scene, relation_of
-    from kb.targets import find_scene
+    from cellwright.engine.formats.interop.depth_files import read_depth
+    from cellwright.engine.formats.report import portions as report
+    from cellwright.engine.pipelines.placing import aligning, looking
+    from cellwright.kb.loader.scene import load_scene, relation_of
+    from cellwright.kb.targets import find_scene
 
     read = load_scene(find_scene(scene))
     said = relation_of(read.cell, first, kind, second, by)
@@ -176,14 +176,14 @@ def watch(
 def _watched(part: str, base: str, scene: str, acts: Path, image: Path | None, seed: int) -> Answer:
     from rich.text import Text
 
-    from engine.formats.interop.acts import read_acts
-    from engine.formats.interop.depth_files import read_depth
-    from engine.formats.report import placing as placing_report
-    from engine.formats.report import portions as report
-    from engine.pipelines.placing import looking, watching
-    from engine.pipelines.placing.answers import NotPlaced
-    from kb.loader.scene import load_scene
-    from kb.targets import find_scene
+    from cellwright.engine.formats.interop.acts import read_acts
+    from cellwright.engine.formats.interop.depth_files import read_depth
+    from cellwright.engine.formats.report import placing as placing_report
+    from cellwright.engine.formats.report import portions as report
+    from cellwright.engine.pipelines.placing import looking, watching
+    from cellwright.engine.pipelines.placing.answers import NotPlaced
+    from cellwright.kb.loader.scene import load_scene
+    from cellwright.kb.targets import find_scene
 
     read = load_scene(find_scene(scene))
     events = read_acts(acts, read)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from engine.faces.cli.declared import misfit
+from cellwright.engine.faces.cli.declared import misfit
 
 IDLE = "K408"  # the code of an option that would change nothing
 

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import FINDINGS
-from engine.faces.cli.options import Format, Seed, Target, number
-from engine.faces.cli.scene_files import Image, SceneName
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import FINDINGS
+from cellwright.engine.faces.cli.options import Format, Seed, Target, number
+from cellwright.engine.faces.cli.scene_files import Image, SceneName
 
 Name = Annotated[str, Argument(help="the name of the measurement")]
 Expected = Annotated[
@@ -92,14 +92,14 @@ def _image(
     import numpy as np
     from rich.text import Text
 
-    from engine.faces.cli.written import write
-    from engine.formats.interop.range_files import read_ranges, write_ranges
-    from engine.formats.report import ranges as report
-    from engine.model.ranging import Vague
-    from engine.pipelines import planning
-    from engine.pipelines.dimensions.surfaces import Seeing, measured_surface
-    from engine.plugins import geometry_backend
-    from kb.loader.cell import cell_of
+    from cellwright.engine.faces.cli.written import write
+    from cellwright.engine.formats.interop.range_files import read_ranges, write_ranges
+    from cellwright.engine.formats.report import ranges as report
+    from cellwright.engine.model.ranging import Vague
+    from cellwright.engine.pipelines import planning
+    from cellwright.engine.pipelines.dimensions.surfaces import Seeing, measured_surface
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
 
     problem = planning.problem_of(target)
     true = None if off is None else np.array(off)
@@ -120,14 +120,14 @@ def _image(
 
 
 def _recognise(scene: str, parts: list[str], path: Path | None, seed: int, picture: Path | None) -> Answer:
-    from engine.faces.cli.written import write
-    from engine.formats.interop.depth_files import read_depth
-    from engine.formats.report import depth_picture
-    from engine.formats.report import recognition as report
-    from engine.pipelines.placing import looking
-    from engine.pipelines.placing.recognising import recognised_in
-    from kb.loader.scene import load_scene
-    from kb.targets import find_scene
+    from cellwright.engine.faces.cli.written import write
+    from cellwright.engine.formats.interop.depth_files import read_depth
+    from cellwright.engine.formats.report import depth_picture
+    from cellwright.engine.formats.report import recognition as report
+    from cellwright.engine.pipelines.placing import looking
+    from cellwright.engine.pipelines.placing.recognising import recognised_in
+    from cellwright.kb.loader.scene import load_scene
+    from cellwright.kb.targets import find_scene
 
     read = load_scene(find_scene(scene))
     given = read_depth(path, looking.camera_of(read)) if path else None

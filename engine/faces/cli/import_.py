@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Format, number
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Format, number
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -62,8 +62,8 @@ def csv(
 def _import(
     file: Path, output: Path | None, domain: str, unit: str, edge: float | None, table: bool = False
 ) -> Answer:
-    from engine.formats.interop.inspections import import_file, remarks
-    from engine.formats.report.inspection import entry, parts
+    from cellwright.engine.formats.interop.inspections import import_file, remarks
+    from cellwright.engine.formats.report.inspection import entry, parts
 
     inspection, partition, text = import_file(file, domain, unit, edge, table)
     target = output or Path(f"{file.stem}.yaml")
@@ -80,7 +80,7 @@ def _import(
 
 
 def _write(target: Path, text: str) -> None:
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     try:
         target.write_text(text, "utf-8")

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
-from engine.faces.cli import completion
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.options import Format
+from cellwright.engine.faces.cli import completion
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.options import Format
 
 
 def init(
@@ -31,7 +31,7 @@ def init(
 
 
 def _init(folder: Path) -> Answer:
-    from engine.authoring.starter import create
+    from cellwright.engine.authoring.starter import create
 
     verbs = (
         f"check {folder}",
@@ -43,7 +43,7 @@ def _init(folder: Path) -> Answer:
 
 
 def _assembled(folder: Path, devices: list[str]) -> Answer:
-    from engine.authoring.starter import create_with
+    from cellwright.engine.authoring.starter import create_with
 
     written, faults = create_with(folder, devices)
     problem = f"{folder}/problems/first.yaml"

@@ -8,13 +8,13 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
-from engine.faces.cli import slow
-from engine.faces.cli.watchdog import current
-from engine.model.wording import counted
-from kb import stopping
+from cellwright.engine.faces.cli import slow
+from cellwright.engine.faces.cli.watchdog import current
+from cellwright.engine.model.wording import counted
+from cellwright.kb import stopping
 
 if TYPE_CHECKING:
-    from kb.model.plan import Plan
+    from cellwright.kb.model.plan import Plan
 
 
 class Interruption:

@@ -3,11 +3,11 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from engine.faces.cli.answers import Answer
-from engine.faces.cli.exits import INTERRUPTED
+from cellwright.engine.faces.cli.answers import Answer
+from cellwright.engine.faces.cli.exits import INTERRUPTED
 
 if TYPE_CHECKING:
-    from engine.pipelines.inspection.progress import News
+    from cellwright.engine.pipelines.inspection.progress import News
 
 
 def carried_on(
@@ -19,11 +19,11 @@ def carried_on(
     anew: bool,
 ) -> Answer:
     """The visits that are left. `said` holds the texts of --done, --lost, --bad and --restored."""
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import progress as report
-    from engine.pipelines.parts.keeping import carry_on
-    from engine.pipelines.planning import problem_of
-    from engine.stages.sequencing import Limits
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report import progress as report
+    from cellwright.engine.pipelines.parts.keeping import carry_on
+    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.stages.sequencing import Limits
 
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted)
@@ -37,7 +37,7 @@ def carried_on(
 
 
 def _news(done: list[str], lost: list[str], bad: list[str], restored: list[str]) -> "News":
-    from engine.pipelines.inspection.progress import FOUND_BAD, News
+    from cellwright.engine.pipelines.inspection.progress import FOUND_BAD, News
 
     parted = [each.partition("=") for each in bad]
     reasons = {name: why.strip() or FOUND_BAD for names, _, why in parted for name in _names([names])}

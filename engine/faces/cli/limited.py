@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any
 
-from engine.faces.cli.declared import typed
-from engine.faces.cli.options import MemoryLimit, TimeLimit
-from engine.faces.cli.slow import shown
-from engine.faces.cli.watchdog import watching
+from cellwright.engine.faces.cli.declared import typed
+from cellwright.engine.faces.cli.options import MemoryLimit, TimeLimit
+from cellwright.engine.faces.cli.slow import shown
+from cellwright.engine.faces.cli.watchdog import watching
 
 LIMITS = {"time_limit": TimeLimit, "memory_limit": MemoryLimit}
 

@@ -2,8 +2,8 @@
 
 from typing import Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Option
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Option
 
 EXTRA = ("pygls", "lsprotocol")
 Stdio = Annotated[
@@ -19,13 +19,13 @@ def lsp(_stdio: Stdio = True) -> None:
 def _served() -> Answer:
     from importlib.util import find_spec
 
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if missing := [each for each in EXTRA if find_spec(each) is None]:
         said = f"the language server needs {', '.join(missing)}"
         hint = "pip install 'cellwright[lsp]'"
         raise InvalidInput([Diagnostic(Source("cellwright lsp"), "K414", said, hint)])
-    from engine.faces.lsp.server import serve
+    from cellwright.engine.faces.lsp.server import serve
 
     serve()
     return Answer("ok")

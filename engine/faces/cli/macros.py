@@ -5,19 +5,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import FINDINGS
-from engine.faces.cli.options import Format, Library
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import FINDINGS
+from cellwright.engine.faces.cli.options import Format, Library
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from engine.stages.macros.lifted.digests import Digests
-    from kb.model.domain import Domain
-    from kb.store import Library as Opened
-    from kb.store import Stored
-    from kb.store.utilities import Utility
+    from cellwright.engine.stages.macros.lifted.digests import Digests
+    from cellwright.kb.model.domain import Domain
+    from cellwright.kb.store import Library as Opened
+    from cellwright.kb.store import Stored
+    from cellwright.kb.store.utilities import Utility
 
 LARGEST = 2**63 - 1  # the largest number that a database can store
 DomainOf = Annotated[
@@ -99,14 +99,14 @@ def stats(store: Library, format: Format = Form.TEXT) -> None:
 
 
 def _domain(target: str) -> "Domain":
-    from engine.pipelines.planning import loaded
-    from kb.loader import find
+    from cellwright.engine.pipelines.planning import loaded
+    from cellwright.kb.loader import find
 
     return loaded(find(target)).domain
 
 
 def _digests(target: str) -> "Digests":
-    from engine.stages.macros.lifted.digests import Digests
+    from cellwright.engine.stages.macros.lifted.digests import Digests
 
     return Digests(_domain(target))
 
@@ -125,8 +125,8 @@ def _entry(each: "Stored", stale: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def _list(store: str, target: str) -> Answer:
-    from engine.formats.report import macros as report
-    from kb.store import Library
+    from cellwright.engine.formats.report import macros as report
+    from cellwright.kb.store import Library
 
     digests = _digests(target) if target else None
     with Library(store) as library:
@@ -151,8 +151,8 @@ def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> d
 
 
 def _show(number: int, store: str) -> Answer:
-    from engine.formats.report import macros as report
-    from kb.store import Library, document
+    from cellwright.engine.formats.report import macros as report
+    from cellwright.kb.store import Library, document
 
     with Library(store) as library:
         found = _numbered(library, number)
@@ -162,7 +162,7 @@ def _show(number: int, store: str) -> Answer:
 
 
 def _numbered(library: "Opened", number: int) -> "Stored":
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     found = library.numbered(number)
     if found is None:
@@ -174,8 +174,8 @@ def _numbered(library: "Opened", number: int) -> "Stored":
 def _learn(files: list[Path], store: str) -> Answer:
     from rich.text import Text
 
-    from engine.pipelines.reuse.lessons import lesson
-    from kb.store import Library
+    from cellwright.engine.pipelines.reuse.lessons import lesson
+    from cellwright.kb.store import Library
 
     with Library(store) as library:
         lessons = [lesson(file, library) for file in files]
@@ -192,7 +192,7 @@ def _learn(files: list[Path], store: str) -> Answer:
 def _forget(numbers: list[int], stale: str, store: str) -> Answer:
     from rich.text import Text
 
-    from kb.store import Library
+    from cellwright.kb.store import Library
 
     digests = _digests(stale) if stale else None
     with Library(store) as library:
@@ -207,8 +207,8 @@ def _forget(numbers: list[int], stale: str, store: str) -> Answer:
 def _export(file: Path, store: str, target: str) -> Answer:
     from rich.text import Text
 
-    from engine.pipelines.reuse.lessons import write
-    from kb.store import Library
+    from cellwright.engine.pipelines.reuse.lessons import write
+    from cellwright.kb.store import Library
 
     with Library(store) as library:
         found = library.all(_domain(target).name if target else "")
@@ -221,8 +221,8 @@ def _export(file: Path, store: str, target: str) -> Answer:
 def _import(file: Path, store: str) -> Answer:
     from rich.text import Text
 
-    from engine.pipelines.reuse.lessons import read, records
-    from kb.store import Library
+    from cellwright.engine.pipelines.reuse.lessons import read, records
+    from cellwright.kb.store import Library
 
     made = records(read(file))
     with Library(store) as library:
@@ -235,9 +235,9 @@ def _import(file: Path, store: str) -> Answer:
 def _stats(store: str) -> Answer:
     from dataclasses import asdict
 
-    from engine.formats.report import macros as report
-    from kb.store import Library
-    from kb.store.utilities import Utility
+    from cellwright.engine.formats.report import macros as report
+    from cellwright.kb.store import Library
+    from cellwright.kb.store.utilities import Utility
 
     with Library(store) as library:
         found = library.figures()

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.dimensions import dimensions
-from engine.faces.cli.fitting import align, fit
-from engine.faces.cli.imaging import image, recognise
-from engine.faces.cli.options import Format, Target
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.dimensions import dimensions
+from cellwright.engine.faces.cli.fitting import align, fit
+from cellwright.engine.faces.cli.imaging import image, recognise
+from cellwright.engine.faces.cli.options import Format, Target
 
 if TYPE_CHECKING:
-    from engine.model.measurement import MeasurementPoint
+    from cellwright.engine.model.measurement import MeasurementPoint
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 File = Annotated[Path, Argument(help="a problem file")]
@@ -91,11 +91,11 @@ def remove(file: File, name: Name, format: Format = Form.TEXT) -> None:
 def _list(target: str) -> Answer:
     from rich.console import Group
 
-    from engine.formats.report.inspection import entry, parts
-    from engine.formats.report.rows import TextTable
-    from engine.pipelines.inspection.arms import divided
-    from engine.pipelines.planning import problem_of
-    from engine.pipelines.points import with_places
+    from cellwright.engine.formats.report.inspection import entry, parts
+    from cellwright.engine.formats.report.rows import TextTable
+    from cellwright.engine.pipelines.inspection.arms import divided
+    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.pipelines.points import with_places
 
     found = divided(with_places(problem_of(target)))
     rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]
@@ -116,7 +116,7 @@ def _point(
 ) -> "MeasurementPoint":
     from math import hypot
 
-    from engine.model.measurement import MeasurementPoint
+    from cellwright.engine.model.measurement import MeasurementPoint
 
     length = hypot(*normal)
     if not length:
@@ -131,8 +131,8 @@ def _change(file: Path, how: str, what: "MeasurementPoint | str") -> Answer:
     """Change the lines of a file, and write them if the changed file can still be read."""
     from rich.text import Text
 
-    from engine.formats.interop.inspections import rewrite
-    from engine.model.measurement import MeasurementPoint
+    from cellwright.engine.formats.interop.inspections import rewrite
+    from cellwright.engine.model.measurement import MeasurementPoint
 
     rewrite(file, how, [what])
     name = what.name if isinstance(what, MeasurementPoint) else what

@@ -4,10 +4,10 @@ from typing import Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.run import Store
-from kb.store.own import default_store
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.run import Store
+from cellwright.kb.store.own import default_store
 
 EXTRA = ("nicegui", "fastapi", "uvicorn")
 Host = Annotated[
@@ -39,8 +39,8 @@ def _served(run: str, store: str, host: str, port: int, read_only: bool) -> Answ
 
     _needs_the_extra()
     _port_is_free(host, port)
-    from engine.faces.monitor.serving import LOCAL, serve
-    from engine.faces.monitor.shared import Shared
+    from cellwright.engine.faces.monitor.serving import LOCAL, serve
+    from cellwright.engine.faces.monitor.shared import Shared
 
     shared = Shared(store, read_only)
     if run:
@@ -60,7 +60,7 @@ def _address(host: str, port: int, run: str) -> str:
 def _needs_the_extra() -> None:
     from importlib.util import find_spec
 
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     missing = [each for each in EXTRA if find_spec(each) is None]
     if missing:
@@ -74,7 +74,7 @@ def _port_is_free(host: str, port: int) -> None:
     """Raise `InvalidInput` if nothing can be served there."""
     import socket
 
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as trial:

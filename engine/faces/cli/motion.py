@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Cluster, Format, Seed, Target, number
-from engine.faces.cli.working import Work
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import GAVE_UP, INFEASIBLE
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Cluster, Format, Seed, Target, number
+from cellwright.engine.faces.cli.working import Work
 
 if TYPE_CHECKING:
-    from engine.pipelines.motion.moving import Motion, Wish
+    from cellwright.engine.pipelines.motion.moving import Motion, Wish
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
@@ -26,7 +26,7 @@ NAMED = (
 
 
 class Way(StrEnum):
-    """The strategies of `engine.model.motion`, named here so that help needs no array library."""
+    """The strategies of `cellwright.engine.model.motion`, named here so that help needs no array library."""
 
     CONNECT = "connect"
     VISIBILITY = "visibility"
@@ -126,8 +126,8 @@ def plan_motion(
     form = Form.JSON if format is MotionForm.JSON else Form.TEXT
 
     def wished() -> "Wish":
-        from engine.model.motion import Strategy
-        from engine.pipelines.motion.moving import Wish
+        from cellwright.engine.model.motion import Strategy
+        from cellwright.engine.pipelines.motion.moving import Wish
 
         way, tilt_rad = Strategy(strategy.value), math.radians(upright)
         return Wish(margin, seed, bridges, way, direct, tool, not rest, refine, tilt_rad, budget)
@@ -141,7 +141,7 @@ def plan_motion(
 def _replayed(
     target: str, problems: Path, wished: "Callable[[], Wish]", output: Path | None, work: Work
 ) -> Answer:
-    from engine.faces.cli.motion_sets import replays
+    from cellwright.engine.faces.cli.motion_sets import replays
 
     return replays(target, problems, wished, output, work)
 
@@ -179,7 +179,7 @@ def motion_problems(
     output: Output = None,
 ) -> None:
     """Draw motion problems in the cell of TARGET: to free configurations and places, from free configurations."""
-    from engine.faces.cli.motion_sets import generated
+    from cellwright.engine.faces.cli.motion_sets import generated
 
     give(lambda: generated(target, count, seed, tool, output), Form.TEXT)
 
@@ -197,7 +197,7 @@ def motion_travel(
     format: Annotated[TableForm, Option("--format", help="how it is shown")] = TableForm.TEXT,
 ) -> None:
     """Print how long free motions between the places of TARGET's cell take."""
-    from engine.faces.cli.motion_sets import table
+    from cellwright.engine.faces.cli.motion_sets import table
 
     form = Form.JSON if format is TableForm.JSON else Form.TEXT
     work = _work(jobs, cluster, store)
@@ -241,8 +241,8 @@ def motion_play(
     pace = every or (1.0 if file.suffix == ".png" else 0.1)
 
     def played() -> Answer:
-        from engine.faces.cli import motion_play as films
-        from kb.store.own import default_store
+        from cellwright.engine.faces.cli import motion_play as films
+        from cellwright.kb.store.own import default_store
 
         if run:
             return films.film_of_run(run, store or default_store(), seed, file, pace, seen)
@@ -261,8 +261,8 @@ def _planned(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.formats.report import motion as report
-    from engine.pipelines.motion.moving import Site, move
+    from cellwright.engine.formats.report import motion as report
+    from cellwright.engine.pipelines.motion.moving import Site, move
 
     found = move(Site.of(target), *ends, wished())
     status, said = report.status(found.answer), report.text(found)
@@ -278,7 +278,7 @@ def _planned(
 
 def _drawn(found: "Motion", form: MotionForm, seen: tuple[float, float]) -> bytes:
     """The picture of a motion. Where there is no path, only PNG has one: where it is blocked worst."""
-    from engine.formats.report import motion_pictures as pictures
+    from cellwright.engine.formats.report import motion_pictures as pictures
 
     if form is MotionForm.PNG:
         return pictures.as_png(found, *seen)

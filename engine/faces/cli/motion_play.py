@@ -4,15 +4,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from engine.faces.cli.answers import Answer
-from engine.faces.cli.exits import exit_code
+from cellwright.engine.faces.cli.answers import Answer
+from cellwright.engine.faces.cli.exits import exit_code
 
 if TYPE_CHECKING:
-    from engine.pipelines.moves.film import Shot
-    from engine.pipelines.moves.seen import Seen
-    from kb.model.cell import Cell
-    from kb.model.problem import Problem
-    from kb.terms import Atom, Function
+    from cellwright.engine.pipelines.moves.film import Shot
+    from cellwright.engine.pipelines.moves.seen import Seen
+    from cellwright.kb.model.cell import Cell
+    from cellwright.kb.model.problem import Problem
+    from cellwright.kb.terms import Atom, Function
 
 
 def film_of_plan(
@@ -21,15 +21,15 @@ def film_of_plan(
     """The film of the plan of TARGET."""
     from rich.text import Text
 
-    from engine.formats.report.json import status
-    from engine.model.outcome import Found
-    from engine.pipelines import objective, planning
-    from engine.pipelines.gate import PlanGate
-    from engine.pipelines.moves.film import filmed, takes_of_plan
-    from engine.pipelines.poses.planning import plan_with_poses
-    from engine.plugins import geometry_backend
-    from engine.stages.planning import Limits
-    from kb.loader.cell import cell_of
+    from cellwright.engine.formats.report.json import status
+    from cellwright.engine.model.outcome import Found
+    from cellwright.engine.pipelines import objective, planning
+    from cellwright.engine.pipelines.gate import PlanGate
+    from cellwright.engine.pipelines.moves.film import filmed, takes_of_plan
+    from cellwright.engine.pipelines.poses.planning import plan_with_poses
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.loader.cell import cell_of
 
     problem, cell = planning.problem_of(target), cell_of(target)
     found = plan_with_poses(
@@ -48,14 +48,14 @@ def film_of_run(
     run: str, store: str, seed: int, output: Path, every_s: float, seen: tuple[float, float]
 ) -> Answer:
     """The film of a run, from its journal. Raises `InvalidInput` if there is no such run."""
-    from engine.pipelines.gate import PlanGate
-    from engine.pipelines.moves.film import filmed, takes_of_run
-    from engine.pipelines.moves.seen import with_seen
-    from engine.pipelines.moves.walking import Walk
-    from engine.pipelines.planning import problem_of
-    from engine.plugins import geometry_backend
-    from kb.loader.cell import cell_of
-    from kb.store.journal import Journal
+    from cellwright.engine.pipelines.gate import PlanGate
+    from cellwright.engine.pipelines.moves.film import filmed, takes_of_run
+    from cellwright.engine.pipelines.moves.seen import with_seen
+    from cellwright.engine.pipelines.moves.walking import Walk
+    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
+    from cellwright.kb.store.journal import Journal
 
     with Journal(store) as journal:
         about: Any = journal.known(run).document
@@ -70,8 +70,8 @@ def film_of_run(
 
 def _met(lines: Any, cell: "Cell") -> "list[Seen]":
     """What the arm has met in a run: it is shown from the beginning on."""
-    from engine.model.execution import SEEN
-    from engine.pipelines.moves.seen import seen_in
+    from cellwright.engine.model.execution import SEEN
+    from cellwright.engine.pipelines.moves.seen import seen_in
 
     bodies = {name: at for line in lines for name, at in line.content.get("bodies", {}).items() if at}
     return list(seen_in({SEEN: bodies}, cell)[0])
@@ -79,7 +79,7 @@ def _met(lines: Any, cell: "Cell") -> "list[Seen]":
 
 def _told(lines: Any) -> "Iterator[tuple[Function | None, list[Atom], list[Atom]]]":
     """What was done, or corrected, by each record: the step, what it added and what it ended."""
-    from engine.pipelines.execution.records import read_atom
+    from cellwright.engine.pipelines.execution.records import read_atom
 
     for line in lines:
         content = line.content
@@ -91,8 +91,8 @@ def _written(shots: "list[Shot]", output: Path, every_s: float, seen: tuple[floa
     """The film in its file or files."""
     from rich.text import Text
 
-    from engine.formats.report import film
-    from engine.pipelines.moves.film import thinned
+    from cellwright.engine.formats.report import film
+    from cellwright.engine.pipelines.moves.film import thinned
 
     if not shots:
         return Answer("found", {"seconds": 0, "files": []}, lambda: Text("Nothing moves."))

@@ -5,21 +5,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from engine.faces.cli.answers import Answer
-from engine.faces.cli.exits import INFEASIBLE
-from engine.faces.cli.working import Work, crew_asked, progress_of
+from cellwright.engine.faces.cli.answers import Answer
+from cellwright.engine.faces.cli.exits import INFEASIBLE
+from cellwright.engine.faces.cli.working import Work, crew_asked, progress_of
 
 if TYPE_CHECKING:
-    from engine.pipelines.motion.moving import Wish
-    from engine.pipelines.motion.problems import Problem
+    from cellwright.engine.pipelines.motion.moving import Wish
+    from cellwright.engine.pipelines.motion.problems import Problem
 
 
 def generated(target: str, count: int, seed: int, tool: str, output: Path | None) -> Answer:
     """A new problem set, printed or written."""
     from rich.text import Text
 
-    from engine.pipelines.motion.moving import Site
-    from engine.pipelines.motion.problems import drawn, entries
+    from cellwright.engine.pipelines.motion.moving import Site
+    from cellwright.engine.pipelines.motion.problems import drawn, entries
 
     listed = entries(drawn(Site.of(target), count, seed, tool))
     if output is None:
@@ -33,9 +33,9 @@ def replays(
     target: str, problems: Path, wished: "Callable[[], Wish]", output: Path | None, work: "Work"
 ) -> Answer:
     """What the planner makes of a saved set; exit code 10 if an answer is not the saved one."""
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import motion_tables as report
-    from engine.pipelines.motion.sets import replayed_set
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report import motion_tables as report
+    from cellwright.engine.pipelines.motion.sets import replayed_set
 
     crew = crew_asked(work.jobs, work.cluster)
     with Interruption() as interrupted, progress_of("motions") as progress:
@@ -50,9 +50,9 @@ def replays(
 
 
 def _read(path: Path) -> "list[Problem]":
-    from engine.pipelines.motion.problems import problems_in
-    from kb.files import read_file
-    from kb.json_text import parsed
+    from cellwright.engine.pipelines.motion.problems import problems_in
+    from cellwright.kb.files import read_file
+    from cellwright.kb.json_text import parsed
 
     try:
         content = parsed(read_file(path).text)
@@ -67,11 +67,11 @@ def _file(content: dict[str, object]) -> str:
 
 def table(target: str, tool: str, places: tuple[str, ...], facts: bool, work: "Work") -> Answer:
     """Travel times between the places of a cell; with `facts`, as facts for a problem file."""
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import motion_tables as report
-    from engine.pipelines.motion.sets import table_by
-    from kb.loader import find, load
-    from kb.syntax import SECONDS
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report import motion_tables as report
+    from cellwright.engine.pipelines.motion.sets import table_by
+    from cellwright.kb.loader import find, load
+    from cellwright.kb.syntax import SECONDS
 
     unit_s = float(SECONDS[load(find(target)).domain.time_unit])
     crew = crew_asked(work.jobs, work.cluster)

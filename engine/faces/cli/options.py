@@ -3,9 +3,9 @@
 from math import isnan
 from typing import Annotated
 
-from engine.faces.cli import completion
-from engine.faces.cli.answers import Form
-from engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli import completion
+from cellwright.engine.faces.cli.answers import Form
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
 
 
 def number(value: float | None) -> float | None:

@@ -2,10 +2,10 @@
 
 from typing import Annotated
 
-from engine.faces.cli import completion
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.options import Format
+from cellwright.engine.faces.cli import completion
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.options import Format
 
 RunName = Annotated[
     str,
@@ -94,8 +94,8 @@ def _tell(run: str, order: str, text: str, said: str, store: str, form: Form) ->
     def make() -> Answer:
         from rich.text import Text
 
-        from engine.pipelines.execution.channel import REFUSABLE, tell
-        from kb.diagnostics import Diagnostic, InvalidInput, Source
+        from cellwright.engine.pipelines.execution.channel import REFUSABLE, tell
+        from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
         state = tell(run, order, text, store)
         if why := state.get("refused"):

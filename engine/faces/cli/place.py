@@ -5,16 +5,16 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, STOPPED
-from engine.faces.cli.motion import Strategy, Way
-from engine.faces.cli.options import Format, Seed
-from engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import GAVE_UP, INFEASIBLE, STOPPED
+from cellwright.engine.faces.cli.motion import Strategy, Way
+from cellwright.engine.faces.cli.options import Format, Seed
+from cellwright.engine.faces.cli.scene_files import Calibration, Image, SceneName, scene_of
 
 if TYPE_CHECKING:
-    from engine.pipelines.placing.answers import Placed
-    from kb.model.scene import Scene
+    from cellwright.engine.pipelines.placing.answers import Placed
+    from cellwright.kb.model.scene import Scene
 
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
 
@@ -94,14 +94,14 @@ def _placed(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.faces.cli.execution_options import needs_mujoco
-    from engine.faces.cli.place_pictures import draw
-    from engine.formats.interop.depth_files import read_depth
-    from engine.formats.report import placing as report
-    from engine.model.motion import Strategy
-    from engine.pipelines.placing import looking, placing
-    from engine.pipelines.placing.answers import Placed
-    from engine.pipelines.placing.task import Coming, Manner
+    from cellwright.engine.faces.cli.execution_options import needs_mujoco
+    from cellwright.engine.faces.cli.place_pictures import draw
+    from cellwright.engine.formats.interop.depth_files import read_depth
+    from cellwright.engine.formats.report import placing as report
+    from cellwright.engine.model.motion import Strategy
+    from cellwright.engine.pipelines.placing import looking, placing
+    from cellwright.engine.pipelines.placing.answers import Placed
+    from cellwright.engine.pipelines.placing.task import Coming, Manner
 
     part, base = names
     if moves[0]:
@@ -126,13 +126,13 @@ def _executed(read: "Scene", part: str, found: "Placed", approve: bool, said: st
     """What comes of a plan in physics, if whoever is asked approves it."""
     from rich.text import Text
 
-    from engine.formats.report import placing as report
-    from engine.formats.report import workshop
+    from cellwright.engine.formats.report import placing as report
+    from cellwright.engine.formats.report import workshop
 
     planned = report.content(found)
     if approve and not _approved(said):
         return Answer("stopped", planned, lambda: Text("nothing was moved"), STOPPED)
-    from engine.pipelines.workshop.running import carried
+    from cellwright.engine.pipelines.workshop.running import carried
 
     done = carried(read, part, found)
     text = workshop.carried_text(done, part)

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from engine.formats.report.depth_picture import Hands
-    from engine.pipelines.placing.answers import PlaceAnswer, Placed
-    from engine.pipelines.placing.looking import Looked
-    from engine.pipelines.placing.task import Manner, Task
-    from kb.model.scene import Scene
+    from cellwright.engine.formats.report.depth_picture import Hands
+    from cellwright.engine.pipelines.placing.answers import PlaceAnswer, Placed
+    from cellwright.engine.pipelines.placing.looking import Looked
+    from cellwright.engine.pipelines.placing.task import Manner, Task
+    from cellwright.kb.model.scene import Scene
 
 BLOCKS = {
     2: ("finger", "finger", "cross-piece", "sensor"),
@@ -21,7 +21,7 @@ def draw(
     scene: "Scene", part: str, found: "PlaceAnswer", looked: "Looked", manner: "Manner", folder: Path
 ) -> Iterator[Path]:
     """Write the pictures of an answer into a folder, and tell their files."""
-    from engine.pipelines.placing.answers import Placed
+    from cellwright.engine.pipelines.placing.answers import Placed
 
     folder.mkdir(parents=True, exist_ok=True)
     yield _written(folder / "depth.png", _depth(scene, part, looked, edges=True))
@@ -40,9 +40,9 @@ def _written(file: Path, content: bytes) -> Path:
 
 
 def _depth(scene: "Scene", part: str, looked: "Looked", hands: "Hands" = (), edges: bool = False) -> bytes:
-    from engine.formats.report.depth_picture import picture
-    from engine.pipelines.placing.looking import edges_of
-    from engine.stages.geometry.shapes.solids import solid_of
+    from cellwright.engine.formats.report.depth_picture import picture
+    from cellwright.engine.pipelines.placing.looking import edges_of
+    from cellwright.engine.stages.geometry.shapes.solids import solid_of
 
     best = looked.sightings[part].best
     shown = edges_of(looked) if edges else ()
@@ -52,7 +52,7 @@ def _depth(scene: "Scene", part: str, looked: "Looked", hands: "Hands" = (), edg
 
 def _hands(found: "Placed", looked: "Looked") -> "Hands":
     """Where the hand can take the part, and where it does."""
-    from engine.kernels.rigid import inverse
+    from cellwright.engine.kernels.rigid import inverse
 
     T = inverse(looked.T_world_camera) @ found.T_world_part
     first = found.carries[0]
@@ -61,30 +61,30 @@ def _hands(found: "Placed", looked: "Looked") -> "Hands":
 
 
 def _task(scene: "Scene", part: str, found: "Placed", looked: "Looked", manner: "Manner") -> "Task":
-    from engine.pipelines.placing.site import Site
-    from engine.stages.geometry.world.model import World
+    from cellwright.engine.pipelines.placing.site import Site
+    from cellwright.engine.stages.geometry.world.model import World
 
     site = Site.of(scene, World.of(scene.cell), looked, {part: found.T_world_part}, manner)
     return site.task(part, (found.T_world_part, found.T_world_goal))
 
 
 def _plane(scene: "Scene", task: "Task", found: "Placed") -> str:
-    from engine.formats.report.plane_picture import picture
-    from engine.pipelines.placing.approaching import plane_of, way_in
+    from cellwright.engine.formats.report.plane_picture import picture
+    from cellwright.engine.pipelines.placing.approaching import plane_of, way_in
 
     plane = plane_of(task, found.carries[0])
     return picture(plane, way_in(task.world, scene, found.carries[0]), BLOCKS[scene.hand.fingers])
 
 
 def _placements(task: "Task", found: "Placed") -> str:
-    from engine.formats.report.placements_svg import picture
-    from engine.pipelines.placing.resting import resting
+    from cellwright.engine.formats.report.placements_svg import picture
+    from cellwright.engine.pipelines.placing.resting import resting
 
     return picture(resting(task, found), task.part)
 
 
 def _film(scene: "Scene", part: str, found: "Placed") -> str:
-    from engine.formats.report.film import as_gltf
-    from engine.pipelines.workshop.preview import shots
+    from cellwright.engine.formats.report.film import as_gltf
+    from cellwright.engine.pipelines.workshop.preview import shots
 
     return as_gltf(list(shots(scene, part, found)))

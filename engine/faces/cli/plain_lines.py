@@ -13,9 +13,9 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin
 
-from engine.faces.cli.declared import declared
-from engine.faces.cli.limited import parameters, run_limited
-from engine.faces.cli.verbs import VERBS, is_group, verb
+from cellwright.engine.faces.cli.declared import declared
+from cellwright.engine.faces.cli.limited import parameters, run_limited
+from cellwright.engine.faces.cli.verbs import VERBS, is_group, verb
 
 WHOLE = re.compile(r"[0-9]{1,15}")
 DECIMAL = re.compile(r"[0-9]{1,15}(\.[0-9]{1,15})?")

@@ -5,12 +5,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli import plan_forms
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import INTERRUPTED, exit_code
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import (
+from cellwright.engine.faces.cli import plan_forms
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import INTERRUPTED, exit_code
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import (
     Anytime,
     Before,
     Command,
@@ -27,19 +27,19 @@ from engine.faces.cli.options import (
     TimeLimit,
     Windows,
 )
-from engine.faces.cli.plan_forms import PlanForm
-from engine.faces.cli.saving import Output, form_of
+from cellwright.engine.faces.cli.plan_forms import PlanForm
+from cellwright.engine.faces.cli.saving import Output, form_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.interop.pddl import PddlProblem
-    from engine.formats.report.planned import Made
-    from engine.pipelines.moves.planning import Moving
-    from engine.pipelines.objective import Run
-    from engine.stages.planning import Limits
-    from kb.model.problem import Problem
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.interop.pddl import PddlProblem
+    from cellwright.engine.formats.report.planned import Made
+    from cellwright.engine.pipelines.moves.planning import Moving
+    from cellwright.engine.pipelines.objective import Run
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.model.problem import Problem
 
 
 class Wish(StrEnum):
@@ -183,14 +183,14 @@ class SearchOptions:
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
     if not wanted.pddl:
         return None
-    from engine.formats.interop.pddl import read_pddl
+    from cellwright.engine.formats.interop.pddl import read_pddl
 
     return read_pddl(Path(wanted.target), wanted.pddl)
 
 
 def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> Answer:
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import json, planned
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report import json, planned
 
     _require_strategy(work.strategy)
     task = _read_task(wanted)
@@ -211,9 +211,9 @@ def _made(
     wanted: PlanRequest, task: "PddlProblem | None", work: SearchOptions, interrupted: "Interruption"
 ) -> "Made":
     """The plan, with the motions of its steps if they are asked for."""
-    from engine.formats.report.planned import Made
-    from engine.pipelines import objective as objectives
-    from engine.pipelines.recall import planned
+    from cellwright.engine.formats.report.planned import Made
+    from cellwright.engine.pipelines import objective as objectives
+    from cellwright.engine.pipelines.recall import planned
 
     problem = task.problem if task else _problem(wanted)
     limits = _limits(work, interrupted, task is not None)
@@ -230,19 +230,19 @@ def _made(
 
 def _problem(wanted: PlanRequest) -> "Problem":
     """The problem with what the options ask of its measurements."""
-    from engine.pipelines import planning
+    from cellwright.engine.pipelines import planning
 
     problem = planning.problem_of(wanted.target, wanted.goals, wanted.command)
     if not any(wanted.demands):
         return problem
-    from engine.pipelines.inspection.demands import as_facts, of_options
+    from cellwright.engine.pipelines.inspection.demands import as_facts, of_options
 
     return as_facts(problem, of_options(*wanted.demands))
 
 
 def _limits(work: SearchOptions, interrupted: "Interruption", pddl: bool) -> "Limits":
     """When the search ends. A PDDL problem gets little room for exact search, and no restarts."""
-    from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
+    from cellwright.engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     return Limits(
         work.expansions,
@@ -264,10 +264,10 @@ def _moving(
     planned: "Callable[[Problem], Run]",
 ) -> "Moving":
     """The plan in which every step moves. Raises `Stopped` if it is interrupted: a plan that does not move is no answer."""
-    from engine.pipelines.poses.planning import plan_with_poses
-    from engine.plugins import geometry_backend
-    from kb.loader.cell import cell_of
-    from kb.stopping import Stopped
+    from cellwright.engine.pipelines.poses.planning import plan_with_poses
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
+    from cellwright.kb.stopping import Stopped
 
     def planned_in_time(each: "Problem") -> "Run":
         run = planned(each)
@@ -281,8 +281,8 @@ def _moving(
 
 
 def _require_strategy(name: str) -> None:
-    from engine.stages.planning import RACE, STRATEGIES
-    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+    from cellwright.engine.stages.planning import RACE, STRATEGIES
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
     if name not in (*STRATEGIES, RACE):
         hint = nearest(name, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"

@@ -4,8 +4,8 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from engine.formats.interop.pddl import PddlProblem
-    from engine.formats.report.planned import Made
+    from cellwright.engine.formats.interop.pddl import PddlProblem
+    from cellwright.engine.formats.report.planned import Made
 
 
 class PlanForm(StrEnum):
@@ -20,7 +20,7 @@ class PlanForm(StrEnum):
 
 def raw(made: "Made", form: PlanForm, task: "PddlProblem | None") -> str | None:
     """The plan as a file of its own: DOT, SVG, or IPC for a PDDL `task`. None without a plan, and for the other forms."""
-    from engine.model.outcome import Found
+    from cellwright.engine.model.outcome import Found
 
     if form is PlanForm.IPC:
         return _ipc(made, task)
@@ -28,11 +28,11 @@ def raw(made: "Made", form: PlanForm, task: "PddlProblem | None") -> str | None:
     if not isinstance(outcome, Found):
         return None
     if form is PlanForm.DOT:
-        from engine.formats.report import dot
+        from cellwright.engine.formats.report import dot
 
         return dot.plan(outcome.plan, made.problem)
     if form is PlanForm.SVG:
-        from engine.formats.report import svg
+        from cellwright.engine.formats.report import svg
 
         return svg.plan(outcome.plan, made.problem)
     return None
@@ -40,9 +40,9 @@ def raw(made: "Made", form: PlanForm, task: "PddlProblem | None") -> str | None:
 
 def _ipc(made: "Made", task: "PddlProblem | None") -> str | None:
     """The plan in the format of the planning competitions."""
-    from engine.formats.interop.pddl.plans import write_plan
-    from engine.model.outcome import Found
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.engine.formats.interop.pddl.plans import write_plan
+    from cellwright.engine.model.outcome import Found
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if task is None:
         hint = "give --pddl"

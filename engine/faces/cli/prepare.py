@@ -2,30 +2,30 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument
-from engine.faces.cli.exits import BAD_INPUT, GAVE_UP, INTERRUPTED, LIMIT
-from engine.faces.cli.options import Cluster, Expansions, Format, Jobs, Library, Seed, TimeLimit
-from engine.faces.cli.working import crew_asked, progress_of, refuse_both
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument
+from cellwright.engine.faces.cli.exits import BAD_INPUT, GAVE_UP, INTERRUPTED, LIMIT
+from cellwright.engine.faces.cli.options import Cluster, Expansions, Format, Jobs, Library, Seed, TimeLimit
+from cellwright.engine.faces.cli.working import crew_asked, progress_of, refuse_both
 
 if TYPE_CHECKING:
-    from engine.pipelines.units import Crew
+    from cellwright.engine.pipelines.units import Crew
 
 
 UNITS = (  # what planning a problem needs, also what is loaded only when it is needed
-    "engine.pipelines.preparation.problem",
-    "engine.stages.planning.forward",
-    "kb.asp.compiled",
-    "kb.asp.trial",
-    "kb.loader.command",
-    "kb.loader.domain",
-    "kb.loader.loading",
-    "kb.loader.problem",
-    "kb.loader.uses",
-    "kb.schema.device",
-    "kb.schema.domain",
-    "kb.schema.problem",
-    "kb.store.units",
+    "cellwright.engine.pipelines.preparation.problem",
+    "cellwright.engine.stages.planning.forward",
+    "cellwright.kb.asp.compiled",
+    "cellwright.kb.asp.trial",
+    "cellwright.kb.loader.command",
+    "cellwright.kb.loader.domain",
+    "cellwright.kb.loader.loading",
+    "cellwright.kb.loader.problem",
+    "cellwright.kb.loader.uses",
+    "cellwright.kb.schema.device",
+    "cellwright.kb.schema.domain",
+    "cellwright.kb.schema.problem",
+    "cellwright.kb.store.units",
 )
 
 
@@ -52,11 +52,11 @@ def prepare(
 def _prepare(
     target: str, store: str, crew: "Crew", seconds: float | None, expansions: int, seed: int
 ) -> Answer:
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import prepared
-    from engine.pipelines.preparation import prepare as prepare_all
-    from engine.pipelines.preparation.targets import problems_of
-    from engine.stages.planning import Limits
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report import prepared
+    from cellwright.engine.pipelines.preparation import prepare as prepare_all
+    from cellwright.engine.pipelines.preparation.targets import problems_of
+    from cellwright.engine.stages.planning import Limits
 
     paths = problems_of(target)
     with Interruption(seconds) as interrupted, progress_of("planning") as progress:

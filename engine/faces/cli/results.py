@@ -3,15 +3,15 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli import completion
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.options import Format
-from engine.faces.cli.run import Store
-from kb.store.own import default_store
+from cellwright.engine.faces.cli import completion
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.options import Format
+from cellwright.engine.faces.cli.run import Store
+from cellwright.kb.store.own import default_store
 
 if TYPE_CHECKING:
-    from engine.formats.interop.results import ResultForm
+    from cellwright.engine.formats.interop.results import ResultForm
 
 RunName = Annotated[
     str,
@@ -58,8 +58,8 @@ def _told(run: str, store: str, output: Path | None, history: bool) -> Answer:
 def _results(run: str, store: str, output: Path | None, history: bool) -> Answer:
     from rich.text import Text
 
-    from engine.formats.interop.results import written
-    from engine.pipelines.results import results_of
+    from cellwright.engine.formats.interop.results import written
+    from cellwright.engine.pipelines.results import results_of
 
     if output is None:
         return _shown(run, store, history)
@@ -77,10 +77,10 @@ def _shown(run: str, store: str, history: bool) -> Answer:
     """The results, and what they show of the part."""
     from rich.console import Group
 
-    from engine.formats.interop.results.notation import entry
-    from engine.formats.report import results as report
-    from engine.formats.report import survey as surveys
-    from engine.pipelines.results import survey_of
+    from cellwright.engine.formats.interop.results.notation import entry
+    from cellwright.engine.formats.report import results as report
+    from cellwright.engine.formats.report import survey as surveys
+    from cellwright.engine.pipelines.results import survey_of
 
     told = survey_of(store, run)
     found, survey = told.results, told.survey
@@ -94,9 +94,9 @@ def _report(run: str, store: str, output: Path) -> Answer:
     """The report of an inspection in HTML."""
     from rich.text import Text
 
-    from engine.formats.report.survey_html import document
-    from engine.pipelines.results import survey_of
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.engine.formats.report.survey_html import document
+    from cellwright.engine.pipelines.results import survey_of
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     told = survey_of(store, run)
     if told.survey is None:
@@ -108,8 +108,8 @@ def _report(run: str, store: str, output: Path) -> Answer:
 
 
 def _form(output: Path) -> "ResultForm":
-    from engine.formats.interop.results import ResultForm as Forms
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.engine.formats.interop.results import ResultForm as Forms
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     known = [each.value for each in Forms]
     if output.suffix[1:].lower() not in known:
@@ -121,8 +121,8 @@ def _form(output: Path) -> "ResultForm":
 def _runs(store: str) -> Answer:
     from rich.text import Text
 
-    from engine.formats.report.rows import TextTable
-    from engine.pipelines.results import runs_in
+    from cellwright.engine.formats.report.rows import TextTable
+    from cellwright.engine.pipelines.results import runs_in
 
     found = runs_in(store)
     content = {"runs": [{"run": each.run, "begun": each.begun, **each.document} for each in found]}

@@ -2,11 +2,11 @@
 
 from typing import Annotated
 
-from engine.faces.cli import completion
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.options import Expansions, Format, Seed, number
-from engine.faces.cli.run import Events, Store, Watch
+from cellwright.engine.faces.cli import completion
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.options import Expansions, Format, Seed, number
+from cellwright.engine.faces.cli.run import Events, Store, Watch
 
 
 def resume(
@@ -42,12 +42,12 @@ def resume(
 def _resumed(
     run: str, store: str, factor: float | None, events: str, watch: bool, search: tuple[int, int]
 ) -> Answer:
-    from engine.faces.cli.run import answer_of
-    from engine.faces.cli.supervision import Watching
-    from engine.pipelines.execution import resume as go_on
-    from engine.pipelines.execution.begin import followed
-    from engine.stages.planning import Limits
-    from kb.store.own import default_store
+    from cellwright.engine.faces.cli.run import answer_of
+    from cellwright.engine.faces.cli.supervision import Watching
+    from cellwright.engine.pipelines.execution import resume as go_on
+    from cellwright.engine.pipelines.execution.begin import followed
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.store.own import default_store
 
     where = store or default_store()
     pace, before = followed(where, run, factor) if watch else (0.0, ())

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.exits import INTERRUPTED, exit_code
-from engine.faces.cli.options import Expansions, Format, Seed, TimeLimit
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.exits import INTERRUPTED, exit_code
+from cellwright.engine.faces.cli.options import Expansions, Format, Seed, TimeLimit
 
 
 def revise(
@@ -40,12 +40,12 @@ class Observations:
 
 
 def _revise(file: Path, given: Observations, both: bool, work: tuple[float | None, int, int]) -> Answer:
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import json, revised
-    from engine.pipelines.planning import plan_in
-    from engine.pipelines.revision.now import revised_now
-    from engine.pipelines.troubleshooting.recovery import in_sequence
-    from engine.stages.planning import Limits
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report import json, revised
+    from cellwright.engine.pipelines.planning import plan_in
+    from cellwright.engine.pipelines.revision.now import revised_now
+    from cellwright.engine.pipelines.troubleshooting.recovery import in_sequence
+    from cellwright.engine.stages.planning import Limits
 
     seconds, expansions, seed = work
     with Interruption(seconds) as interrupted:

@@ -4,19 +4,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Option, misfit
-from engine.faces.cli.exits import FINDINGS, STOPPED, exit_code
-from engine.faces.cli.options import Command, Expansions, Format, Goals, Seed, Target, number
-from engine.faces.cli.supervision import Watching
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Option, misfit
+from cellwright.engine.faces.cli.exits import FINDINGS, STOPPED, exit_code
+from cellwright.engine.faces.cli.options import Command, Expansions, Format, Goals, Seed, Target, number
+from cellwright.engine.faces.cli.supervision import Watching
 
 if TYPE_CHECKING:
-    from engine.model.execution import Finish
-    from engine.pipelines.execution import Wanted
-    from engine.pipelines.execution.paths import Paths
-    from engine.pipelines.moves.planning import Moving
-    from engine.stages.planning import Limits
-    from kb.model.problem import Problem
+    from cellwright.engine.model.execution import Finish
+    from cellwright.engine.pipelines.execution import Wanted
+    from cellwright.engine.pipelines.execution.paths import Paths
+    from cellwright.engine.pipelines.moves.planning import Moving
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.kb.model.problem import Problem
 
 DriverName = Annotated[str, Option("--driver", help="who carries out the commands: sim, or a plug-in")]
 Store = Annotated[
@@ -111,9 +111,9 @@ class Asked:
 def _run(
     asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool, format: Form
 ) -> Answer:
-    from engine.pipelines.execution import Wanted, listed
-    from engine.pipelines.planning import problem_of
-    from kb.store.own import default_store
+    from cellwright.engine.pipelines.execution import Wanted, listed
+    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.kb.store.own import default_store
 
     problem = problem_of(asked.target, asked.goals, asked.command)
     store = asked.store or default_store()
@@ -129,12 +129,12 @@ def _run(
 def _carried_out(
     wanted: "Wanted", asked: Asked, problem: "Problem", events: str, shown: bool, format: Form
 ) -> Answer:
-    from engine.pipelines.execution import Scope, begin
-    from engine.stages.planning import Limits
+    from cellwright.engine.pipelines.execution import Scope, begin
+    from cellwright.engine.stages.planning import Limits
 
     if shown:
-        from engine.faces.cli.terminal import say
-        from engine.formats.report.narration import understood
+        from cellwright.engine.faces.cli.terminal import say
+        from cellwright.engine.formats.report.narration import understood
 
         say("\n".join(understood(problem)) + "\n")
     limits, table, scope, paths = Limits(asked.expansions, seed=asked.seed), None, None, None
@@ -155,7 +155,7 @@ def _carried_out(
 
 def _tell(moving: "Moving", quiet: bool) -> None:
     """Say, before anything moves, which goals are given up, and why."""
-    from engine.faces.cli.terminal import say
+    from cellwright.engine.faces.cli.terminal import say
 
     if moving.given_up and not quiet:
         say("\n".join(f"given up: {each.goal}: {each.why}" for each in moving.given_up) + "\n")
@@ -165,10 +165,10 @@ def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "
     """The plan in which every step moves. The poses of measurements are kept in the store."""
     from functools import partial
 
-    from engine.pipelines.objective import plan
-    from engine.pipelines.poses.planning import plan_with_poses
-    from engine.plugins import geometry_backend
-    from kb.loader.cell import cell_of
+    from cellwright.engine.pipelines.objective import plan
+    from cellwright.engine.pipelines.poses.planning import plan_with_poses
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
 
     cell, plans = cell_of(asked.target), partial(plan, limits=limits)
     return plan_with_poses(problem, cell, geometry_backend(), plans, asked.seed, store).moving
@@ -176,8 +176,8 @@ def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "
 
 def _paths(moving: "Moving", seed: int) -> "Paths | None":
     """What the arms can do while the run goes on."""
-    from engine.pipelines.execution.apart import going_home
-    from engine.pipelines.execution.paths import Paths
+    from cellwright.engine.pipelines.execution.apart import going_home
+    from cellwright.engine.pipelines.execution.paths import Paths
 
     walk = moving.walk
     if walk is None:
@@ -199,9 +199,9 @@ def options_of(given: Sequence[str]) -> dict[str, str]:
 
 def answer_of(ending: "Finish | Any", store: str, quiet: bool) -> Answer:
     """What is printed at the end of a run."""
-    from engine.formats.report import execution as report
-    from engine.formats.report.json import status
-    from engine.pipelines.execution import Finish
+    from cellwright.engine.formats.report import execution as report
+    from cellwright.engine.formats.report.json import status
+    from cellwright.engine.pipelines.execution import Finish
 
     if not isinstance(ending, Finish):
         from rich.text import Text

@@ -6,8 +6,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-from engine.faces.cli.declared import Option, misfit
-from engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.declared import Option, misfit
+from cellwright.engine.faces.cli.idle import refuse_idle
 
 AnyForm = TypeVar("AnyForm", bound=StrEnum)
 

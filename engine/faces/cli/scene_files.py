@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli import completion
-from engine.faces.cli.declared import Option
+from cellwright.engine.faces.cli import completion
+from cellwright.engine.faces.cli.declared import Option
 
 if TYPE_CHECKING:
-    from kb.model.scene import Scene
+    from cellwright.kb.model.scene import Scene
 
 SceneName = Annotated[
     str,
@@ -34,9 +34,9 @@ def scene_of(scene: str, calibration: Path | None = None) -> "Scene":
     """The scene that is meant, its camera as it was calibrated. Raises `InvalidInput`."""
     from dataclasses import replace
 
-    from kb.loader.calibration import load_calibration
-    from kb.loader.scene import load_scene
-    from kb.targets import find_scene
+    from cellwright.kb.loader.calibration import load_calibration
+    from cellwright.kb.loader.scene import load_scene
+    from cellwright.kb.targets import find_scene
 
     found = load_scene(find_scene(scene))
     return found if calibration is None else replace(found, calibrated=load_calibration(calibration))

@@ -5,22 +5,22 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.exits import INTERRUPTED
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number
-from engine.faces.cli.saving import Output, form_of
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.exits import INTERRUPTED
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number
+from cellwright.engine.faces.cli.saving import Output, form_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from engine.formats.report.timetables import Timed
-    from engine.model.outcome import GaveUp, Infeasible
-    from engine.model.schedule import Timetable
-    from engine.model.shop import Shop
-    from engine.stages.scheduling.limits import ScheduleLimits
-    from kb.model.problem import Problem
+    from cellwright.engine.formats.report.timetables import Timed
+    from cellwright.engine.model.outcome import GaveUp, Infeasible
+    from cellwright.engine.model.schedule import Timetable
+    from cellwright.engine.model.shop import Shop
+    from cellwright.engine.stages.scheduling.limits import ScheduleLimits
+    from cellwright.kb.model.problem import Problem
 
 
 class ScheduleForm(StrEnum):
@@ -101,11 +101,11 @@ class EffortOptions:
 
 
 def _schedule(wanted: ScheduleRequest, form: ScheduleForm, stats: bool, effort: EffortOptions) -> Answer:
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.interop.shops import shop_of
-    from engine.pipelines import objective, timetable
-    from engine.stages.planning import Limits
-    from engine.stages.scheduling.limits import ScheduleLimits
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.interop.shops import shop_of
+    from cellwright.engine.pipelines import objective, timetable
+    from cellwright.engine.stages.planning import Limits
+    from cellwright.engine.stages.scheduling.limits import ScheduleLimits
 
     with Interruption(effort.seconds) as interrupted:
         limits = ScheduleLimits(effort.work, effort.seed, effort.workers, interrupted)
@@ -136,7 +136,7 @@ def _schedule(wanted: ScheduleRequest, form: ScheduleForm, stats: bool, effort: 
 
 def _refuse(options: "Mapping[str, str]", why: str) -> None:
     """Refuse options that would change nothing for this kind of target. Raises `InvalidInput`."""
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if idle := [name for name, given in options.items() if given]:
         found = f"{idle[0]} has no effect {why}"
@@ -144,9 +144,9 @@ def _refuse(options: "Mapping[str, str]", why: str) -> None:
 
 
 def _shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool) -> Answer:
-    from engine.formats.report.timetables import Timed
-    from engine.model.schedule import Scheduled
-    from engine.stages.scheduling import schedule
+    from cellwright.engine.formats.report.timetables import Timed
+    from cellwright.engine.model.schedule import Scheduled
+    from cellwright.engine.stages.scheduling import schedule
 
     found = schedule(shop, limits)
     if not isinstance(found, Scheduled):
@@ -157,8 +157,8 @@ def _shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: boo
 def _timetable(
     problem: "Problem", made: "Timetable | Infeasible | GaveUp", form: ScheduleForm, stats: bool
 ) -> Answer:
-    from engine.formats.report.timetables import of_plan
-    from engine.model.schedule import Timetable
+    from cellwright.engine.formats.report.timetables import of_plan
+    from cellwright.engine.model.schedule import Timetable
 
     return _answer(of_plan(made, problem), form, stats) if isinstance(made, Timetable) else _none(made)
 
@@ -166,15 +166,15 @@ def _timetable(
 def _none(found: "Infeasible | GaveUp") -> Answer:
     from rich.text import Text
 
-    from engine.faces.cli.exits import exit_code
-    from engine.formats.report.json import status
+    from cellwright.engine.faces.cli.exits import exit_code
+    from cellwright.engine.formats.report.json import status
 
     said = Text(f"No schedule: {found.reason}.")
     return Answer(status(found), {"reason": found.reason}, lambda: said, exit_code(found))
 
 
 def _answer(made: "Timed", form: ScheduleForm, stats: bool) -> Answer:
-    from engine.formats.report import timetables
+    from cellwright.engine.formats.report import timetables
 
     raw = timetables.chart(made) if form is ScheduleForm.SVG else None
     content = timetables.content(made, stats)

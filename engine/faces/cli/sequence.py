@@ -4,18 +4,18 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows
-from engine.faces.cli.saving import Output, form_of
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Before, Lasts, Seed, TimeLimit, Windows
+from cellwright.engine.faces.cli.saving import Output, form_of
 
 if TYPE_CHECKING:
-    from engine.model.outcome import GaveUp, Infeasible
-    from engine.model.tour import Tour
-    from engine.pipelines.inspection.visits import Visits
-    from engine.stages.sequencing import Limits
+    from cellwright.engine.model.outcome import GaveUp, Infeasible
+    from cellwright.engine.model.tour import Tour
+    from cellwright.engine.pipelines.inspection.visits import Visits
+    from cellwright.engine.stages.sequencing import Limits
 
 
 class TourForm(StrEnum):
@@ -106,7 +106,7 @@ def sequence(
     _refuse_misfits(given, kept, open_, cost, store)
     form, effort = Form.JSON if kind is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
     if store:
-        from engine.faces.cli.kept_sequence import carried_on
+        from cellwright.engine.faces.cli.kept_sequence import carried_on
 
         give(lambda: carried_on(target, store, news, effort, next_, anew), form, output)
     if cost is not TravelCost.STRAIGHT:
@@ -143,18 +143,18 @@ def _sequence(
     effort: tuple[float | None, int, int],
     form: TourForm,
 ) -> Answer:
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.interop.visits import is_tsplib
-    from engine.model.measurements import is_shared
-    from engine.pipelines.planning import problem_of
-    from engine.stages.sequencing import METHODS, Limits
-    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.interop.visits import is_tsplib
+    from cellwright.engine.model.measurements import is_shared
+    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.stages.sequencing import METHODS, Limits
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
     if method not in METHODS:
         hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
         raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
     if not is_tsplib(target) and is_shared(problem := problem_of(target)):
-        from engine.faces.cli.shared_sequence import shared_by_arms
+        from cellwright.engine.faces.cli.shared_sequence import shared_by_arms
 
         given = {"--closed": ends[0], "--start": ends[1], "--end": ends[2], "--method": method != "auto"}
         refuse_idle({**given, "--format svg": form is TourForm.SVG}, "where several arms share measurements")
@@ -167,15 +167,15 @@ def _sequence(
 
 def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]) -> Answer:
     """Tours through measurements by what they cost the arm: by poses alone, or by the times of paths that touch nothing."""
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import inspection
-    from engine.model.measurements import is_shared
-    from engine.pipelines.inspection.poses import posed_tours
-    from engine.pipelines.motion.driven import driven_tours
-    from engine.pipelines.planning import problem_of
-    from engine.plugins import geometry_backend
-    from engine.stages.sequencing import Limits
-    from kb.loader.cell import cell_of
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report import inspection
+    from cellwright.engine.model.measurements import is_shared
+    from cellwright.engine.pipelines.inspection.poses import posed_tours
+    from cellwright.engine.pipelines.motion.driven import driven_tours
+    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.engine.stages.sequencing import Limits
+    from cellwright.kb.loader.cell import cell_of
 
     problem, moving = problem_of(target), cost is TravelCost.MOTION
     if is_shared(problem):
@@ -197,8 +197,8 @@ def _solve(
     wanted: tuple[list[str], list[str], list[str]],
     limits: "Limits",
 ) -> "tuple[Visits, Tour | Infeasible | GaveUp]":
-    from engine.formats.interop.visits import visits_of
-    from engine.stages.sequencing import sequence
+    from cellwright.engine.formats.interop.visits import visits_of
+    from cellwright.engine.stages.sequencing import sequence
 
     found = visits_of(target, *wanted).ending(*ends)
     return found, sequence(found.tours, limits, method)
@@ -212,8 +212,8 @@ def _answer(
 ) -> Answer:
     from rich.text import Text
 
-    from engine.formats.report import json, tour_svg, toured
-    from engine.model.tour import Tour
+    from cellwright.engine.formats.report import json, tour_svg, toured
+    from cellwright.engine.model.tour import Tour
 
     if not isinstance(answer, Tour):
         code = INTERRUPTED if heard else INFEASIBLE if json.status(answer) == "infeasible" else GAVE_UP

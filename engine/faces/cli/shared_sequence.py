@@ -2,11 +2,11 @@
 
 from typing import TYPE_CHECKING
 
-from engine.faces.cli.answers import Answer
-from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
+from cellwright.engine.faces.cli.answers import Answer
+from cellwright.engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
 
 if TYPE_CHECKING:
-    from kb.model.problem import Problem
+    from cellwright.kb.model.problem import Problem
 
 
 def shared_by_arms(
@@ -18,12 +18,12 @@ def shared_by_arms(
     from rich.console import Group
     from rich.text import Text
 
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import inspection, json, shares
-    from engine.pipelines.inspection.demands import known, of_options
-    from engine.pipelines.parts import Shared, shares_of
-    from engine.pipelines.points import with_places
-    from engine.stages.sequencing import Limits
+    from cellwright.engine.faces.cli.interruption import Interruption
+    from cellwright.engine.formats.report import inspection, json, shares
+    from cellwright.engine.pipelines.inspection.demands import known, of_options
+    from cellwright.engine.pipelines.parts import Shared, shares_of
+    from cellwright.engine.pipelines.points import with_places
+    from cellwright.engine.stages.sequencing import Limits
 
     demands, placed = of_options(*wanted), with_places(problem)
     with Interruption(effort[0]) as interrupted:

@@ -4,12 +4,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.idle import refuse_idle
 
 if TYPE_CHECKING:
-    from engine.model.task_space import Net
+    from cellwright.engine.model.task_space import Net
 
 
 class NetForm(StrEnum):
@@ -90,8 +90,8 @@ def states(
 def _sequence(target: str, parts: tuple[str, ...], goals: list[str]) -> Answer:
     from rich.text import Text
 
-    from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
-    from engine.pipelines import task_space
+    from cellwright.engine.faces.cli.exits import GAVE_UP, INFEASIBLE
+    from cellwright.engine.pipelines import task_space
 
     model, warnings = task_space.model_of(target)
     found, _ = task_space.sequence(model, goals, task_space.Wanted(parts))
@@ -107,7 +107,7 @@ def _sequence(target: str, parts: tuple[str, ...], goals: list[str]) -> Answer:
 def _written(target: str, output: Path) -> Answer:
     from rich.text import Text
 
-    from engine.pipelines import task_space
+    from cellwright.engine.pipelines import task_space
 
     files = [str(each) for each in task_space.write_domain(target, output)]
     return Answer("ok", {"files": files}, lambda: Text("\n".join(files)))
@@ -119,9 +119,9 @@ def _states(
     from rich.console import Group
     from rich.text import Text
 
-    from engine.faces.cli.exits import GAVE_UP
-    from engine.formats.report import states as report
-    from engine.pipelines import task_space
+    from cellwright.engine.faces.cli.exits import GAVE_UP
+    from cellwright.engine.formats.report import states as report
+    from cellwright.engine.pipelines import task_space
 
     model, warnings = task_space.model_of(target)
     found = task_space.net(model, task_space.Wanted(parts, full))
@@ -140,15 +140,15 @@ def _drawn(found: "Net", form: NetForm, full: bool) -> str | None:
     """The net in a form that is no table; None for tables and JSON."""
     match form:
         case NetForm.DOT:
-            from engine.formats.report import states_dot
+            from cellwright.engine.formats.report import states_dot
 
             return states_dot.net(found)
         case NetForm.SVG:
-            from engine.formats.report import states_svg
+            from cellwright.engine.formats.report import states_svg
 
             return states_svg.net(found)
         case NetForm.PNML:
-            from engine.formats.interop.pnml import written
+            from cellwright.engine.formats.interop.pnml import written
 
             return written(found, coloured=not full)
         case _:

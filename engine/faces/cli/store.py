@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option
-from engine.faces.cli.exits import FINDINGS
-from engine.faces.cli.options import Format, Library
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option
+from cellwright.engine.faces.cli.exits import FINDINGS
+from cellwright.engine.faces.cli.options import Format, Library
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -65,7 +65,7 @@ def migrate(
 
 
 def _check(store: str) -> Answer:
-    from kb.store.checking import checked
+    from cellwright.kb.store.checking import checked
 
     findings, rows = checked(store)
     status, code = ("damaged", FINDINGS) if findings else ("ok", 0)
@@ -74,7 +74,7 @@ def _check(store: str) -> Answer:
 
 
 def _backup(file: Path, store: str) -> Answer:
-    from kb.store.copying import back_up
+    from cellwright.kb.store.copying import back_up
 
     rows = back_up(store, file)
     return Answer(
@@ -83,14 +83,14 @@ def _backup(file: Path, store: str) -> Answer:
 
 
 def _restore(file: Path, store: str, replaces: bool) -> Answer:
-    from kb.store.copying import restore as restored
+    from cellwright.kb.store.copying import restore as restored
 
     rows = restored(file, store, replaces)
     return Answer("ok", {"rows": rows}, lambda: _table(rows, "restored"))
 
 
 def _migrate(source: str, store: str) -> Answer:
-    from kb.store.copying import migrate as copied
+    from cellwright.kb.store.copying import migrate as copied
 
     rows = copied(source, store)
     return Answer("ok", {"rows": rows}, lambda: _table(rows, "copied, and checked"))
@@ -100,7 +100,7 @@ def _table(rows: "Mapping[str, int]", said: str) -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report.rows import TextTable
+    from cellwright.engine.formats.report.rows import TextTable
 
     table = TextTable(("table", "rows"), [(name, str(count)) for name, count in rows.items()])
     return Group(table, *([Text(said)] if said else []))

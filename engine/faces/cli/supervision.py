@@ -7,12 +7,12 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from engine.faces.cli.slow import hushed
-from engine.faces.cli.watchdog import current
+from cellwright.engine.faces.cli.slow import hushed
+from cellwright.engine.faces.cli.watchdog import current
 
 if TYPE_CHECKING:
-    from engine.model.execution import Record
-    from engine.pipelines.execution.recorder import Watcher
+    from cellwright.engine.model.execution import Record
+    from cellwright.engine.pipelines.execution.recorder import Watcher
 
 
 class Watching:
@@ -31,7 +31,7 @@ class Watching:
         factor: float = 0.0,
         before: "Sequence[Record]" = (),
     ) -> None:
-        from engine.pipelines.execution.channel import Channel
+        from cellwright.engine.pipelines.execution.channel import Channel
 
         self.channel: Channel = Channel(run, store)
         self._events, self._approve, self._run = events, approve, run
@@ -61,15 +61,15 @@ class Watching:
         if watch := current():
             watch.waiting, watch.time_is_up = True, self._stop
         if self._shown:
-            from engine.faces.cli.watching import watched
+            from cellwright.engine.faces.cli.watching import watched
 
             seen = watched(self._run, self._tell, self._factor, self._past)
             self._look.append(self._display.enter_context(seen))
         return self
 
     def _tell(self, order: str) -> None:
-        from engine.model.execution import Order
-        from engine.pipelines.execution import Given
+        from cellwright.engine.model.execution import Order
+        from cellwright.engine.pipelines.execution import Given
 
         self.channel.give(Given(Order(order), "", "terminal"))
 
@@ -85,15 +85,15 @@ class Watching:
         self.channel.__exit__(None, None, None)
 
     def _stop(self) -> None:
-        from engine.model.execution import Order
-        from engine.pipelines.execution import Given
+        from cellwright.engine.model.execution import Order
+        from cellwright.engine.pipelines.execution import Given
 
         self.channel.give(Given(Order.STOP, "", "time limit"))
 
     def _pressed(self, *_: object) -> None:
         """The first Ctrl-C interrupts, the second stops."""
-        from engine.model.execution import Order
-        from engine.pipelines.execution import Given
+        from cellwright.engine.model.execution import Order
+        from cellwright.engine.pipelines.execution import Given
 
         self._presses += 1
         self.channel.give(Given(Order.INTERRUPT if self._presses == 1 else Order.STOP, "", "terminal"))
@@ -103,7 +103,7 @@ class Watching:
         )
 
     def _follow(self, record: "Record") -> None:
-        from engine.model.execution import RecordKind
+        from cellwright.engine.model.execution import RecordKind
 
         self._state["at_ms"] = record.at_ms
         if record.kind is RecordKind.PHASE:
@@ -119,7 +119,7 @@ class Watching:
         """Write an event. If nobody reads any more, or the disk is full, the run goes on without: its journal has all."""
         import json
 
-        from kb.diagnostics import escaped
+        from cellwright.kb.diagnostics import escaped
 
         try:
             self._out.write(escaped(json.dumps(record.entry(self._run), ensure_ascii=False)) + "\n")
@@ -132,9 +132,9 @@ class Watching:
 
     def _ask(self, record: "Record") -> None:
         """Show the plan, and ask the person at the terminal; without one, somebody else has to approve it."""
-        from engine.faces.cli.terminal import say
-        from engine.model.execution import Order
-        from engine.pipelines.execution import Given
+        from cellwright.engine.faces.cli.terminal import say
+        from cellwright.engine.model.execution import Order
+        from cellwright.engine.pipelines.execution import Given
 
         for step in record.content["steps"]:
             start, lasts = step.get("start_ms", 0) / 1000, step.get("lasts_ms", 0) / 1000

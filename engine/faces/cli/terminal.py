@@ -12,8 +12,8 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook
 from rich.segment import Segment
 
-from engine.faces.cli.slow import hushed
-from kb.diagnostics import escaped
+from cellwright.engine.faces.cli.slow import hushed
+from cellwright.kb.diagnostics import escaped
 
 
 def console(stderr: bool = False, **settings: Any) -> Console:

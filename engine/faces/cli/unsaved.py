@@ -6,8 +6,8 @@ import sys
 
 def main() -> None:
     """Run a command with the texts of an editor in place of files. Both come as JSON from standard input."""
-    from engine.faces.cli import main as command_line
-    from kb.files import reading
+    from cellwright.engine.faces.cli import main as command_line
+    from cellwright.kb.files import reading
 
     given = json.loads(sys.stdin.buffer.read())
     sys.argv = ["cellwright", *given["arguments"]]

@@ -3,16 +3,16 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.declared import Argument, Option, misfit
-from engine.faces.cli.exits import FINDINGS
-from engine.faces.cli.idle import refuse_idle
-from engine.faces.cli.options import Command, Format, Goals, Pddl
-from engine.model.wording import counted
+from cellwright.engine.faces.cli.answers import Answer, Form, give
+from cellwright.engine.faces.cli.declared import Argument, Option, misfit
+from cellwright.engine.faces.cli.exits import FINDINGS
+from cellwright.engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.options import Command, Format, Goals, Pddl
+from cellwright.engine.model.wording import counted
 
 if TYPE_CHECKING:
-    from kb.model.plan import Claims, Plan
-    from kb.model.problem import Problem
+    from cellwright.kb.model.plan import Claims, Plan
+    from cellwright.kb.model.problem import Problem
 
 
 def validate(
@@ -53,27 +53,27 @@ def validate(
 
 
 def _validate_export(file: Path, wanted: tuple[str, str, str], ground: bool) -> Answer:
-    from engine.formats.interop.pddl.files import read_exported_plan
-    from engine.pipelines import planning
+    from cellwright.engine.formats.interop.pddl.files import read_exported_plan
+    from cellwright.engine.pipelines import planning
 
     problem = planning.problem_of(*wanted)
     return _judged(problem, read_exported_plan(problem, file, lifted=not ground), str(file))
 
 
 def _validate_pddl(domain: Path, task: Path, made: Path) -> Answer:
-    from engine.formats.interop.pddl import read_pddl
-    from engine.formats.interop.pddl.plans import read_plan
+    from cellwright.engine.formats.interop.pddl import read_pddl
+    from cellwright.engine.formats.interop.pddl.plans import read_plan
 
     read = read_pddl(domain, task)
     return _judged(read.problem, read_plan(read, made), str(made))
 
 
 def _validate(file: Path, target: str) -> Answer:
-    from engine.pipelines.plan_files import claimed_in
+    from cellwright.engine.pipelines.plan_files import claimed_in
 
     own, plan, claims = claimed_in(file)
     if target:
-        from engine.pipelines.planning import problem_of  # slow to import
+        from cellwright.engine.pipelines.planning import problem_of  # slow to import
 
         own = problem_of(target)
     return _judged(own, plan, str(file), claims)
@@ -83,7 +83,7 @@ def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None"
     """The verdict of the checker. What it prints of the plan is computed from the steps, which are as the domain says."""
     from rich.text import Text
 
-    from engine.pipelines import plan_files
+    from cellwright.engine.pipelines import plan_files
 
     found = plan_files.check_plan(problem, plan, name, claims)
     if found:

@@ -57,4 +57,4 @@ def is_group(name: str) -> bool:
 def verb(name: str) -> Any:
     """The function of a verb, or the application of its group."""
     module, _, attribute = VERBS[name].partition(":")
-    return getattr(import_module(f"engine.faces.cli.{module}"), attribute)
+    return getattr(import_module(f"cellwright.engine.faces.cli.{module}"), attribute)

@@ -16,9 +16,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-from engine.faces.cli.exits import INTERRUPTED, LIMIT
-from engine.faces.cli.memory import limit_memory, resident
-from kb.stopping import Stopped
+from cellwright.engine.faces.cli.exits import INTERRUPTED, LIMIT
+from cellwright.engine.faces.cli.memory import limit_memory, resident
+from cellwright.kb.stopping import Stopped
 
 HEARING = 0.5  # seconds from Ctrl-C until a search has to have heard it
 TELLING = 0.5  # seconds that a command which was interrupted where it heard nothing may take for its answer
@@ -151,7 +151,7 @@ def current() -> Watch | None:
 def watching(seconds: float | None, megabytes: int | None) -> Iterator[None]:
     """A context in which a command is watched, if this is the main thread of a process of its own."""
     global _now
-    from kb import stopping
+    from cellwright.kb import stopping
 
     limit_memory(megabytes)
     _now = watch = Watch(seconds, megabytes)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from engine.model.execution import Record
+    from cellwright.engine.model.execution import Record
 
 FRAMES = 8  # a second
 Give = Callable[[str], None]  # gives an order by its name
@@ -16,8 +16,8 @@ Give = Callable[[str], None]  # gives an order by its name
 
 def plain(record: "Record") -> None:
     """Print what a record tells, on standard error."""
-    from engine.faces.cli.terminal import say
-    from engine.formats.report.narration import narrated
+    from cellwright.engine.faces.cli.terminal import say
+    from cellwright.engine.formats.report.narration import narrated
 
     for line in narrated(record):
         say(f"{line}\n")
@@ -37,8 +37,8 @@ def watched(
         return
     from rich.live import Live
 
-    from engine.faces.cli.terminal import console
-    from engine.formats.report.live import Display
+    from cellwright.engine.faces.cli.terminal import console
+    from cellwright.engine.formats.report.live import Display
 
     came = [time.monotonic()]
     display = Display(run, passed_ms=lambda: (time.monotonic() - came[0]) * 1000 / factor)

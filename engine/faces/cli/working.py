@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from engine.faces.cli.idle import refuse_idle
+from cellwright.engine.faces.cli.idle import refuse_idle
 
 if TYPE_CHECKING:
-    from engine.pipelines.units import Crew
+    from cellwright.engine.pipelines.units import Crew
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ def crew_asked(jobs: int, cluster: str, modules: Sequence[str] = ()) -> "Crew":
 
     Raises `InvalidInput` if nobody answers at the address.
     """
-    from engine.pipelines.units import crew_of
+    from cellwright.engine.pipelines.units import crew_of
 
     return crew_of(jobs or len(os.sched_getaffinity(0)), cluster, modules)
 
@@ -42,14 +42,14 @@ def crew_asked(jobs: int, cluster: str, modules: Sequence[str] = ()) -> "Crew":
 def progress_of(what: str) -> "Iterator[Callable[[int, int], None]]":
     """A progress bar on a terminal; nothing in a pipe."""
     if not sys.stderr.isatty():
-        from engine.pipelines.units import silent
+        from cellwright.engine.pipelines.units import silent
 
         yield silent
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from engine.faces.cli.slow import hushed
-    from engine.faces.cli.terminal import console
+    from cellwright.engine.faces.cli.slow import hushed
+    from cellwright.engine.faces.cli.terminal import console
 
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with hushed(), Progress(*columns, console=console(stderr=True), transient=True) as bar:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 def write(path: Path | None, made: Callable[[], bytes]) -> None:
     """Write what is made into a file, if there is to be one. Raises `InvalidInput` for a file that cannot be written."""
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if path is None:
         return

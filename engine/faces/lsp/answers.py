@@ -2,12 +2,12 @@
 
 from lsprotocol import types
 
-from engine.faces.lsp.desk import Desk, Here, Page
-from kb.editing.completing import Completion, completions
-from kb.editing.describing import comment, description
-from kb.editing.index import FileIndex, Symbol
-from kb.editing.occurrences import Occurrence
-from kb.editing.outline import Entry, outline
+from cellwright.engine.faces.lsp.desk import Desk, Here, Page
+from cellwright.kb.editing.completing import Completion, completions
+from cellwright.kb.editing.describing import comment, description
+from cellwright.kb.editing.index import FileIndex, Symbol
+from cellwright.kb.editing.occurrences import Occurrence
+from cellwright.kb.editing.outline import Entry, outline
 
 COMPLETED = {
     "key": types.CompletionItemKind.Property,

@@ -8,17 +8,17 @@ from pathlib import Path
 from lsprotocol import types
 from pygls.uris import from_fs_path, to_fs_path
 
-from engine.faces.lsp.positions import Lines, changed
-from engine.pipelines.editing import Seen
-from kb.diagnostics import InvalidInput
-from kb.editing.describing import Known
-from kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
-from kb.editing.index import FileIndex, Index
-from kb.files import read_file, reading
-from kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, problem_files
-from kb.loader.faults import FAULTS_FILE
-from kb.loader.references import domain_called
-from kb.targets import DEVICE_FILE
+from cellwright.engine.faces.lsp.positions import Lines, changed
+from cellwright.engine.pipelines.editing import Seen
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.editing.describing import Known
+from cellwright.kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
+from cellwright.kb.editing.index import FileIndex, Index
+from cellwright.kb.files import read_file, reading
+from cellwright.kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, problem_files
+from cellwright.kb.loader.faults import FAULTS_FILE
+from cellwright.kb.loader.references import domain_called
+from cellwright.kb.targets import DEVICE_FILE
 
 UP = 3  # folders above a file in which the file of its domain is looked for
 BESIDE = (CELL_FILE, CONTACTS_FILE, FAULTS_FILE)

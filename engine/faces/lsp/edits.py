@@ -5,11 +5,11 @@ from collections.abc import Iterable
 from lsprotocol import types
 from pygls.exceptions import JsonRpcInvalidParams
 
-from engine.faces.lsp.desk import Desk, Here
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.editing.changing import Change, NotRenamed, renamed, renaming
-from kb.editing.fixes import Fix, fixes
-from kb.editing.layout import formatted
+from cellwright.engine.faces.lsp.desk import Desk, Here
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.editing.changing import Change, NotRenamed, renamed, renaming
+from cellwright.kb.editing.fixes import Fix, fixes
+from cellwright.kb.editing.layout import formatted
 
 
 def prepare_rename(

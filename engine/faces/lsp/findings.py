@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Mapping
 from lsprotocol import types
 from pygls.uris import from_fs_path
 
-from engine.faces.lsp.desk import Desk
-from engine.faces.lsp.helper import Helper
-from engine.faces.lsp.positions import Lines
-from engine.pipelines.editing import Seen, quick, thorough
-from kb.diagnostics import Diagnostic, Source
+from cellwright.engine.faces.lsp.desk import Desk
+from cellwright.engine.faces.lsp.helper import Helper
+from cellwright.engine.faces.lsp.positions import Lines
+from cellwright.engine.pipelines.editing import Seen, quick, thorough
+from cellwright.kb.diagnostics import Diagnostic, Source
 
 SOON, LATER = 0.05, 1.0  # seconds of rest before a domain is read, and before it is checked
 QUICK, THOROUGH = 30.0, 120.0  # seconds that this may take

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 
-from engine.pipelines.editing import Seen
+from cellwright.engine.pipelines.editing import Seen
 
 Work = Callable[[str, tuple[str, ...], Mapping[str, str]], Seen]
 SPAWN = multiprocessing.get_context("spawn")

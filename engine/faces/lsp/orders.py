@@ -17,13 +17,13 @@ from typing import Any
 from lsprotocol import types
 from pygls.lsp.server import LanguageServer
 
-from engine.faces.lsp.desk import Desk, path_of
+from cellwright.engine.faces.lsp.desk import Desk, path_of
 
 SECONDS = 120  # that an order may take
 ORDERS = {f"cellwright.{verb}": verb for verb in ("plan", "run", "explain", "check")}
 """For each command, which is also the title of a lens, the verb of the command line."""
 _HEAD = re.compile(r"^(problem|domain)[ \t]*:", re.MULTILINE)
-_MAIN = "from engine.faces.cli.unsaved import main; main()"
+_MAIN = "from cellwright.engine.faces.cli.unsaved import main; main()"
 
 
 def lenses(desk: Desk, asked: types.CodeLensParams) -> list[types.CodeLens]:

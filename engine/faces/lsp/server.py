@@ -13,9 +13,9 @@ from lsprotocol import types
 from pygls.exceptions import JsonRpcInvalidParams, JsonRpcRequestCancelled
 from pygls.lsp.server import LanguageServer
 
-from engine.faces.lsp import answers, edits, orders
-from engine.faces.lsp.desk import Desk, path_of
-from engine.faces.lsp.findings import Findings
+from cellwright.engine.faces.lsp import answers, edits, orders
+from cellwright.engine.faces.lsp.desk import Desk, path_of
+from cellwright.engine.faces.lsp.findings import Findings
 
 NAME = "cellwright"
 TRIGGERS = ["(", ",", " ", ":", "{", "["]

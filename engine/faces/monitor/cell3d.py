@@ -9,16 +9,16 @@ from typing import Any
 from nicegui import background_tasks, events, ui
 from nicegui.elements.scene.scene_object3d import Object3D
 
-from engine.faces.monitor.choosing import mentions
-from engine.faces.monitor.solids import Solids
-from engine.faces.monitor.viewing import View
-from engine.model.execution import SEEN
-from engine.model.geometry import Floats
-from engine.model.moves import Unmoved
-from engine.pipelines.execution.records import read_atom
-from engine.pipelines.execution.retracing import Taken, tool_path
-from engine.pipelines.moves.seen import seen_in
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.monitor.choosing import mentions
+from cellwright.engine.faces.monitor.solids import Solids
+from cellwright.engine.faces.monitor.viewing import View
+from cellwright.engine.model.execution import SEEN
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Unmoved
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.engine.pipelines.execution.retracing import Taken, tool_path
+from cellwright.engine.pipelines.moves.seen import seen_in
+from cellwright.kb.diagnostics import InvalidInput
 
 RED, CHOSEN, MET = "#e01818", "#d02090", "#e08a18"
 SIDES = {  # the direction from which it is seen

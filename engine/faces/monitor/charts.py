@@ -4,9 +4,9 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
-from engine.faces.monitor.following import Watched
-from engine.formats.report.execution import duration
-from engine.formats.report.standing import Bar
+from cellwright.engine.faces.monitor.following import Watched
+from cellwright.engine.formats.report.execution import duration
+from cellwright.engine.formats.report.standing import Bar
 
 WIDTH, LEFT, HEIGHT, GAP = 1000, 170, 20, 6
 MOST_BARS = 300  # that are drawn; of more, those nearest to now

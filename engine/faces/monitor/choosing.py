@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from engine.faces.monitor.following import Watched
-from engine.formats.report.standing import begins
-from engine.model.wording import counted
+from cellwright.engine.faces.monitor.following import Watched
+from cellwright.engine.formats.report.standing import begins
+from cellwright.engine.model.wording import counted
 
 
 def related(run: Watched, choice: str) -> frozenset[str]:

@@ -5,9 +5,9 @@ from typing import Any
 
 from nicegui import background_tasks, ui
 
-from engine.faces.monitor.choosing import step_about, told_of
-from engine.faces.monitor.reasons import reasons
-from engine.faces.monitor.viewing import Look
+from cellwright.engine.faces.monitor.choosing import step_about, told_of
+from cellwright.engine.faces.monitor.reasons import reasons
+from cellwright.engine.faces.monitor.viewing import Look
 
 
 class Chosen:

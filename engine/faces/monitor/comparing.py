@@ -4,13 +4,13 @@ from itertools import zip_longest
 
 from nicegui import ui
 
-from engine.faces.monitor.following import first_difference
-from engine.faces.monitor.tables import fill, made
-from engine.faces.monitor.viewing import View
-from engine.formats.report.execution import duration
-from engine.formats.report.narration import narrated
-from engine.model.execution import Record
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.monitor.following import first_difference
+from cellwright.engine.faces.monitor.tables import fill, made
+from cellwright.engine.faces.monitor.viewing import View
+from cellwright.engine.formats.report.execution import duration
+from cellwright.engine.formats.report.narration import narrated
+from cellwright.engine.model.execution import Record
+from cellwright.kb.diagnostics import InvalidInput
 
 AROUND = 200  # rows before the first difference and behind it
 

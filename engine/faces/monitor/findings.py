@@ -6,15 +6,15 @@ from typing import Any
 
 from nicegui import ui
 
-from engine.faces.monitor.charts import belief_chart, run_chart
-from engine.faces.monitor.choosing import related
-from engine.faces.monitor.reasons import decision_tree
-from engine.faces.monitor.sequences import pickable, sequence_picture
-from engine.faces.monitor.tables import fill, made
-from engine.faces.monitor.viewing import View, picture
-from engine.formats.interop.results import ResultForm, written
-from engine.formats.report.execution import duration
-from engine.pipelines.results import results_of
+from cellwright.engine.faces.monitor.charts import belief_chart, run_chart
+from cellwright.engine.faces.monitor.choosing import related
+from cellwright.engine.faces.monitor.reasons import decision_tree
+from cellwright.engine.faces.monitor.sequences import pickable, sequence_picture
+from cellwright.engine.faces.monitor.tables import fill, made
+from cellwright.engine.faces.monitor.viewing import View, picture
+from cellwright.engine.formats.interop.results import ResultForm, written
+from cellwright.engine.formats.report.execution import duration
+from cellwright.engine.pipelines.results import results_of
 
 
 class Sequence(View):

@@ -5,12 +5,12 @@ from copy import copy
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from engine.faces.monitor.goals import GoalIndex
-from engine.faces.monitor.keeping import Kept
-from engine.formats.report.narration import narrated
-from engine.formats.report.standing import Standing
-from engine.model.execution import OBSTRUCTED, CommandKind, Phase, Record, RecordKind
-from kb.store.journal import Begun, Journal, Line
+from cellwright.engine.faces.monitor.goals import GoalIndex
+from cellwright.engine.faces.monitor.keeping import Kept
+from cellwright.engine.formats.report.narration import narrated
+from cellwright.engine.formats.report.standing import Standing
+from cellwright.engine.model.execution import OBSTRUCTED, CommandKind, Phase, Record, RecordKind
+from cellwright.kb.store.journal import Begun, Journal, Line
 
 KEPT = 2000  # records at least between two states that are kept for going back
 STATES = 8  # that are kept at most

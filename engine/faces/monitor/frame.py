@@ -5,8 +5,8 @@ from typing import Literal
 
 from nicegui import ui
 
-from engine.faces.monitor.cell3d import PLACING
-from engine.faces.monitor.shared import Shared
+from cellwright.engine.faces.monitor.cell3d import PLACING
+from cellwright.engine.faces.monitor.shared import Shared
 
 SCRIPT = """
 async function send(path, content) {

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from kb.store.notation import NotationError, read_atom
-from kb.terms import ANYTHING, Function, Term
+from cellwright.kb.store.notation import NotationError, read_atom
+from cellwright.kb.terms import ANYTHING, Function, Term
 
 Mask = tuple[bool, ...]  # for each argument whether the goal says what it is
 

@@ -15,7 +15,7 @@ from pathlib import Path
 LONG = ("prepare", "sequence", "plan", "schedule", "test")  # what is shown with its progress
 CONTROL = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b[@-_]|[\x00-\x08\x0b\x0c\x0e-\x1f]")
 KEPT = 20_000  # characters of what a command prints
-COMMAND = (sys.executable, "-m", "engine.faces.cli")
+COMMAND = (sys.executable, "-m", "cellwright.engine.faces.cli")
 
 
 @dataclass

@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import overload
 
-from engine.model.execution import Record
+from cellwright.engine.model.execution import Record
 
 PAGE = 500  # records that are read, and let go, together
 PAGES = 12  # that are in memory at most

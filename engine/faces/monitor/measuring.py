@@ -6,13 +6,13 @@ from typing import Any
 
 from nicegui import background_tasks, events, ui
 
-from engine.faces.monitor.cell3d import SIDES, scene_of, turned
-from engine.faces.monitor.frame import head, heading
-from engine.faces.monitor.shared import Shared
-from engine.faces.monitor.sheets import Part, written_point
-from engine.formats.interop.inspections import as_qif
-from engine.stages.geometry.shapes.snapping import SnapTo
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.monitor.cell3d import SIDES, scene_of, turned
+from cellwright.engine.faces.monitor.frame import head, heading
+from cellwright.engine.faces.monitor.shared import Shared
+from cellwright.engine.faces.monitor.sheets import Part, written_point
+from cellwright.engine.formats.interop.inspections import as_qif
+from cellwright.engine.stages.geometry.shapes.snapping import SnapTo
+from cellwright.kb.diagnostics import InvalidInput
 
 SIZES = ("nominal", "tolerance", "bore")  # millimetres, may be empty
 COLUMNS = ("name", "kind", "x", "y", "z", *SIZES, "tool")
@@ -213,7 +213,7 @@ class MeasuringPage:
 
 def _judged(path: str, point: dict[str, Any]) -> tuple[bool, str]:
     """The verdict on a point, in a process of its own; a point that cannot be read has none."""
-    from engine.faces.monitor.sheets import verdict
+    from cellwright.engine.faces.monitor.sheets import verdict
 
     try:
         return verdict(path, point)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from functools import lru_cache
 
-from engine.faces.monitor.following import Follower
-from engine.pipelines.execution.retracing import Retracing, Taken
-from engine.pipelines.units.parents import end_with_parent
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.monitor.following import Follower
+from cellwright.engine.pipelines.execution.retracing import Retracing, Taken
+from cellwright.engine.pipelines.units.parents import end_with_parent
+from cellwright.kb.diagnostics import InvalidInput
 
 BATCH_S = 1.0  # how long is searched before the page gets what was found
 KNOWN = 4  # runs whose motions a process goes on with
@@ -82,9 +82,9 @@ def further(store: str, run: str, target: Target, since: int, until: int) -> tup
 
 @lru_cache(KNOWN)
 def _retraced(store: str, run: str, target: Target) -> tuple[Follower, Retracing, list[Taken]]:
-    from engine.pipelines.planning import problem_of
-    from engine.plugins import geometry_backend
-    from kb.loader.cell import cell_of
+    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
 
     problem, cell = problem_of(*target), cell_of(target[0])
     return Follower(store, run), Retracing.of(problem, cell, geometry_backend()), []

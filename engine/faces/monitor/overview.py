@@ -8,13 +8,13 @@ from urllib.parse import quote
 
 from nicegui import ui
 
-from engine.faces.monitor.frame import head, heading
-from engine.faces.monitor.jobs import LONG
-from engine.faces.monitor.measuring import ChoosingPage, MeasuringPage
-from engine.faces.monitor.page import STANDS, RunPage
-from engine.faces.monitor.shared import Shared
-from engine.faces.monitor.steering import starting
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.monitor.frame import head, heading
+from cellwright.engine.faces.monitor.jobs import LONG
+from cellwright.engine.faces.monitor.measuring import ChoosingPage, MeasuringPage
+from cellwright.engine.faces.monitor.page import STANDS, RunPage
+from cellwright.engine.faces.monitor.shared import Shared
+from cellwright.engine.faces.monitor.steering import starting
+from cellwright.kb.diagnostics import InvalidInput
 
 
 def build(shared: Shared) -> None:

@@ -5,15 +5,15 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from engine.faces.monitor.chosen import Chosen
-from engine.faces.monitor.frame import BAR, dark_switch, head
-from engine.faces.monitor.playing import SPEEDS, Player
-from engine.faces.monitor.shared import Shared
-from engine.faces.monitor.steering import MOVING, Steering
-from engine.faces.monitor.viewing import Look, View
-from engine.faces.monitor.views import VIEWS
-from engine.formats.report.execution import duration
-from engine.model.wording import counted
+from cellwright.engine.faces.monitor.chosen import Chosen
+from cellwright.engine.faces.monitor.frame import BAR, dark_switch, head
+from cellwright.engine.faces.monitor.playing import SPEEDS, Player
+from cellwright.engine.faces.monitor.shared import Shared
+from cellwright.engine.faces.monitor.steering import MOVING, Steering
+from cellwright.engine.faces.monitor.viewing import Look, View
+from cellwright.engine.faces.monitor.views import VIEWS
+from cellwright.engine.formats.report.execution import duration
+from cellwright.engine.model.wording import counted
 
 LOOK_S = 0.1  # between two looks
 STANDS = {  # phase or end of a run: its sign, its colour, and what it means

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from engine.faces.monitor.following import Follower
+from cellwright.engine.faces.monitor.following import Follower
 
 SPEEDS = (-1000, -100, -10, -1, 1, 10, 100, 1000)
 

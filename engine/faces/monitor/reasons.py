@@ -4,19 +4,19 @@ from collections.abc import Collection, Sequence
 from functools import lru_cache
 from typing import Any
 
-from engine.faces.monitor.motions import Target
-from engine.model.task import Task
-from engine.pipelines.execution.records import read_atom
-from engine.pipelines.explanation.uses import uses
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.monitor.motions import Target
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.engine.pipelines.explanation.uses import uses
+from cellwright.kb.diagnostics import InvalidInput
 
 TASKS = 4  # that are kept
 
 
 @lru_cache(TASKS)
 def _task(target: Target) -> Task:
-    from engine.pipelines.planning import problem_of
-    from engine.stages.grounding import ground
+    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.stages.grounding import ground
 
     return ground(problem_of(*target))
 
@@ -40,9 +40,9 @@ def reasons(target: Target, steps: Sequence[dict[str, Any]], number: int) -> lis
 
 def decision_tree(target: str, exception: str, step: str) -> str:
     """The decision tree of an exception at a step as SVG; a sentence if there is none."""
-    from engine.formats.report.decision_svg import decision_tree as drawn
-    from engine.model.troubleshooting import expected_cost
-    from engine.pipelines.troubleshooting import desk
+    from cellwright.engine.formats.report.decision_svg import decision_tree as drawn
+    from cellwright.engine.model.troubleshooting import expected_cost
+    from cellwright.engine.pipelines.troubleshooting import desk
 
     try:
         found = desk(target, exception, step)
@@ -57,8 +57,8 @@ def contact_states(target: str, facts: Collection[str]) -> tuple[str, list[tuple
 
     A sentence and nothing if the cell has no contact model.
     """
-    from engine.formats.report.states_svg import net as drawn
-    from engine.pipelines.task_space.marking import marking, player_of
+    from cellwright.engine.formats.report.states_svg import net as drawn
+    from cellwright.engine.pipelines.task_space.marking import marking, player_of
 
     try:
         player = player_of(target)

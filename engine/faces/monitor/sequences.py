@@ -7,17 +7,17 @@ from xml.sax.saxutils import quoteattr, unescape
 
 import numpy as np
 
-from engine.faces.monitor.choosing import mentions
-from engine.faces.monitor.motions import Target
-from engine.formats.report.tour_svg import picture
-from engine.model.measurements import measurements_of
-from engine.model.tour import Tour, TourProblem, Visit
-from engine.pipelines.execution.records import read_atom
-from kb.diagnostics import InvalidInput
-from kb.loader.cell import cell_of
-from kb.model.conventions import Conventions
-from kb.model.problem import Problem
-from kb.terms import Number
+from cellwright.engine.faces.monitor.choosing import mentions
+from cellwright.engine.faces.monitor.motions import Target
+from cellwright.engine.formats.report.tour_svg import picture
+from cellwright.engine.model.measurements import measurements_of
+from cellwright.engine.model.tour import Tour, TourProblem, Visit
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Number
 
 MICRO = 1e-6
 VISIT = re.compile(r'<circle class="visit"([^>]*)><title>(.*?)</title>')
@@ -57,7 +57,7 @@ def pickable(drawn: str, chosen: str) -> str:
 @lru_cache(16)
 def _measured_places(target: Target) -> tuple[Conventions, dict[str, tuple[str, Spot]]]:
     """The domain's words; and for each place the measurement that is made there, with its point in metres."""
-    from engine.pipelines.planning import problem_of
+    from cellwright.engine.pipelines.planning import problem_of
 
     try:
         problem = problem_of(*target)

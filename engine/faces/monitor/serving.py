@@ -11,12 +11,12 @@ from fastapi.responses import JSONResponse, Response, StreamingResponse
 from nicegui import app as pages
 from nicegui import ui
 
-from engine.faces.monitor.door import Door
-from engine.faces.monitor.overview import build
-from engine.faces.monitor.shared import PAUSE_S, Shared
-from engine.faces.monitor.solids import known
-from kb.diagnostics import InvalidInput
-from kb.json_text import parsed
+from cellwright.engine.faces.monitor.door import Door
+from cellwright.engine.faces.monitor.overview import build
+from cellwright.engine.faces.monitor.shared import PAUSE_S, Shared
+from cellwright.engine.faces.monitor.solids import known
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.json_text import parsed
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 ChangeRequest = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]

@@ -12,18 +12,18 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from engine.faces.monitor.door import Once
-from engine.faces.monitor.following import Follower, runs_of
-from engine.faces.monitor.jobs import LONG, Job, begun, started
-from engine.faces.monitor.motions import Motions, Target, workers
-from engine.faces.monitor.sheets import Sheets
-from engine.faces.monitor.solids import Solids, solids_of
-from engine.model.execution import RecordKind
-from engine.pipelines.execution.channel import going_on, tell
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.planning import problem_of
-from kb.diagnostics import InvalidInput
-from kb.store.journal import Begun, Journal
+from cellwright.engine.faces.monitor.door import Once
+from cellwright.engine.faces.monitor.following import Follower, runs_of
+from cellwright.engine.faces.monitor.jobs import LONG, Job, begun, started
+from cellwright.engine.faces.monitor.motions import Motions, Target, workers
+from cellwright.engine.faces.monitor.sheets import Sheets
+from cellwright.engine.faces.monitor.solids import Solids, solids_of
+from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.pipelines.execution.channel import going_on, tell
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.journal import Begun, Journal
 
 GOING_S = 0.5  # between two questions which runs go on
 PAUSE_S = 0.05  # between two looks at a journal

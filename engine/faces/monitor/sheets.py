@@ -11,23 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from engine.faces.monitor.solids import Solids, solids_of
-from engine.formats.interop.inspections import import_file, rewrite
-from engine.formats.interop.measurements import atoms
-from engine.kernels.linear import matmul
-from engine.model.measurement import MeasurementPoint
-from engine.model.measurements import is_shared, measurements_of
-from engine.pipelines.inspection.arms import OR, divided
-from engine.pipelines.points import points
-from engine.pipelines.poses import known_poses
-from engine.plugins import geometry_backend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.snapping import Snapped, SnapTo, snapped
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader import load
-from kb.loader.cell import cell_of
-from kb.model.conditions import TRUE
-from kb.model.problem import Problem
+from cellwright.engine.faces.monitor.solids import Solids, solids_of
+from cellwright.engine.formats.interop.inspections import import_file, rewrite
+from cellwright.engine.formats.interop.measurements import atoms
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.engine.model.measurements import is_shared, measurements_of
+from cellwright.engine.pipelines.inspection.arms import OR, divided
+from cellwright.engine.pipelines.points import points
+from cellwright.engine.pipelines.poses import known_poses
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.snapping import Snapped, SnapTo, snapped
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.loader import load
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.conditions import TRUE
+from cellwright.kb.model.problem import Problem
 
 MOST_FILES, DEEPEST = 200, 3
 NAME = re.compile(r"[a-z][A-Za-z0-9_]*")

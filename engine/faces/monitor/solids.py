@@ -6,16 +6,16 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.pipelines.execution.retracing import Resting, Taken, world_during
-from engine.plugins import geometry_backend
-from engine.stages.geometry.pictures import stl
-from engine.stages.geometry.pictures.surfaces import KINDS, kind_of
-from engine.stages.geometry.reach.reach import Reachability
-from engine.stages.geometry.world.model import World
-from kb.loader.cell import cell_of
-from kb.model.cell import Cell, Place, Placement
-from kb.terms import Atom
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.execution.retracing import Resting, Taken, world_during
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.pictures import stl
+from cellwright.engine.stages.geometry.pictures.surfaces import KINDS, kind_of
+from cellwright.engine.stages.geometry.reach.reach import Reachability
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.cell import Cell, Place, Placement
+from cellwright.kb.terms import Atom
 
 CELLS = 8  # that are kept, and arrangements of the bodies of one
 

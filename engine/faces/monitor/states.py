@@ -4,10 +4,10 @@ import asyncio
 
 from nicegui import background_tasks, ui
 
-from engine.faces.monitor.choosing import mentions
-from engine.faces.monitor.reasons import contact_states
-from engine.faces.monitor.tables import fill, made
-from engine.faces.monitor.viewing import View, picture
+from cellwright.engine.faces.monitor.choosing import mentions
+from cellwright.engine.faces.monitor.reasons import contact_states
+from cellwright.engine.faces.monitor.tables import fill, made
+from cellwright.engine.faces.monitor.viewing import View, picture
 
 LIT = 'style="filter: drop-shadow(0 0 4px #d02090)" data-chosen="yes"'
 

@@ -10,12 +10,12 @@ from typing import Any
 
 from nicegui import ui
 
-from engine.faces.monitor.following import Watched
-from engine.faces.monitor.shared import Shared
-from engine.formats.report.execution import duration
-from engine.formats.report.narration import understood
-from engine.pipelines.planning import problem_of
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.monitor.following import Watched
+from cellwright.engine.faces.monitor.shared import Shared
+from cellwright.engine.formats.report.execution import duration
+from cellwright.engine.formats.report.narration import understood
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.kb.diagnostics import InvalidInput
 
 OVER = ("reached", "partly", "aborted")
 MOVING = ("running", "interrupting", "quiescing", "handling")

@@ -6,7 +6,7 @@ from typing import Any
 
 from nicegui import ui
 
-from engine.faces.monitor.choosing import mentions
+from cellwright.engine.faces.monitor.choosing import mentions
 
 SHOWN = 400  # rows of a table at most; a search looks in all
 TERM = re.compile(r"[a-z]\w*(\(.*\))?")

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
-from engine.faces.monitor.following import Follower, Watched
-from engine.faces.monitor.shared import Shared
-from engine.pipelines.execution.retracing import Taken
+from cellwright.engine.faces.monitor.following import Follower, Watched
+from cellwright.engine.faces.monitor.shared import Shared
+from cellwright.engine.pipelines.execution.retracing import Taken
 
 
 def picture(text: str) -> str:

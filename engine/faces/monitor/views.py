@@ -6,19 +6,19 @@ from xml.sax.saxutils import quoteattr
 
 from nicegui import ui
 
-from engine.faces.monitor.cell3d import Cell3D
-from engine.faces.monitor.charts import MOST_BARS, gantt
-from engine.faces.monitor.choosing import related, steps_of
-from engine.faces.monitor.comparing import Compared
-from engine.faces.monitor.findings import Diagnosis, Results, Sequence
-from engine.faces.monitor.following import Watched
-from engine.faces.monitor.states import States
-from engine.faces.monitor.tables import SHOWN, fill, made
-from engine.faces.monitor.viewing import View, picture
-from engine.formats.report import svg
-from engine.formats.report.execution import duration
-from engine.pipelines.execution.records import compiled_of
-from engine.pipelines.parts import natural
+from cellwright.engine.faces.monitor.cell3d import Cell3D
+from cellwright.engine.faces.monitor.charts import MOST_BARS, gantt
+from cellwright.engine.faces.monitor.choosing import related, steps_of
+from cellwright.engine.faces.monitor.comparing import Compared
+from cellwright.engine.faces.monitor.findings import Diagnosis, Results, Sequence
+from cellwright.engine.faces.monitor.following import Watched
+from cellwright.engine.faces.monitor.states import States
+from cellwright.engine.faces.monitor.tables import SHOWN, fill, made
+from cellwright.engine.faces.monitor.viewing import View, picture
+from cellwright.engine.formats.report import svg
+from cellwright.engine.formats.report.execution import duration
+from cellwright.engine.pipelines.execution.records import compiled_of
+from cellwright.engine.pipelines.parts import natural
 
 SIGNS = {"open": "○", "reached": "✓"}  # how a goal stands; whatever else is a reason why it was given up
 LARGEST = 150  # steps of a plan that is drawn

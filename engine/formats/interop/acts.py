@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from engine.pipelines.placing.watching import Act, Event, Jaws, Shifted
-from engine.stages.geometry import transforms
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_file
-from kb.json_text import parsed
-from kb.model.scene import Scene
-from kb.model.shapes import Pose
-from kb.numbers import is_number
+from cellwright.engine.pipelines.placing.watching import Act, Event, Jaws, Shifted
+from cellwright.engine.stages.geometry import transforms
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import read_file
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.model.shapes import Pose
+from cellwright.kb.numbers import is_number
 
 KEYS = ({"joints", "jaws"}, {"body", "at", "rpy"})
 

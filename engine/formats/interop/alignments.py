@@ -8,21 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.formats.interop.depth_files import FARTHEST_M
-from engine.formats.interop.inspections import rewrite
-from engine.formats.interop.results import ResultForm, read
-from engine.kernels.rigid import apply
-from engine.model.fits import Datums
-from engine.model.geometry import Floats
-from engine.model.measurement import MeasurementPoint, Triple
-from engine.pipelines.points import METRES, points
-from engine.pipelines.verdicts.lying import datum_points, datums, deviation_m
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_file
-from kb.loader import domain_of
-from kb.model.problem import Problem
-from kb.model.results import Measured, Results
-from kb.targets import DOMAIN_FILE
+from cellwright.engine.formats.interop.depth_files import FARTHEST_M
+from cellwright.engine.formats.interop.inspections import rewrite
+from cellwright.engine.formats.interop.results import ResultForm, read
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.fits import Datums
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.measurement import MeasurementPoint, Triple
+from cellwright.engine.pipelines.points import METRES, points
+from cellwright.engine.pipelines.verdicts.lying import datum_points, datums, deviation_m
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import read_file
+from cellwright.kb.loader import domain_of
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured, Results
+from cellwright.kb.targets import DOMAIN_FILE
 
 HINT = "name the problem that was run, and results that `cellwright results -o` has written"
 DOMAIN = re.compile(r"""^(domain:[ \t]*)("[^"\n]*"|'[^'\n]*'|[^#\n]*?)([ \t]*(?:#.*)?)$""", re.MULTILINE)

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from engine.formats.interop.depth_files import read_depth
-from engine.model.geometry import Floats
-from engine.pipelines.placing.calibrating import Readings
-from engine.pipelines.placing.looking import camera_of
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_file
-from kb.json_text import parsed
-from kb.model.scene import Scene
-from kb.numbers import is_number
+from cellwright.engine.formats.interop.depth_files import read_depth
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.calibrating import Readings
+from cellwright.engine.pipelines.placing.looking import camera_of
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import read_file
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.numbers import is_number
 
 PLATES = '{"plates": [{"distance": 600, "image": "a.npy"}]}'
 HELD = '{"empty": "empty.npy", "held": [{"joints": [0, -90, 90, -90, -90, 0], "image": "b.npy"}]}'

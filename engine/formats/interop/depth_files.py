@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.vision import Camera
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import foreign_bytes
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Camera
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import foreign_bytes
 
 MAX_BYTES = 256 * 2**20
 PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it

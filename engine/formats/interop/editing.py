@@ -7,10 +7,10 @@ goals stand in lists; one item may contain several of them.
 import re
 from collections.abc import Iterator, Sequence
 
-from engine.formats.interop.lists import ListedItem, YamlList, listed, refused, split
-from engine.formats.interop.measurements import facts, goal
-from engine.model.measurement import MeasurementPoint
-from kb.model.conventions import Conventions
+from cellwright.engine.formats.interop.lists import ListedItem, YamlList, listed, refused, split
+from cellwright.engine.formats.interop.measurements import facts, goal
+from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.kb.model.conventions import Conventions
 
 RANGE = re.compile(r"([a-z]\w*?)(\d+)\.\.((?:[a-z]\w*?)?)(\d+)")
 

@@ -4,23 +4,23 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from engine.formats.interop import editing
-from engine.formats.interop.measurements import all_facts, names, problem_text
-from engine.formats.interop.tables import read_table, unit_m
-from engine.model.measurement import Inspection, MeasurementPoint
-from engine.model.measurements import measurements_of
-from engine.model.wording import counted
-from engine.pipelines.inspection import Partition, require_choice
-from engine.pipelines.inspection.arms import divided
-from engine.pipelines.points import points, with_places
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import read_file
-from kb.loader import find, load
-from kb.model.conventions import Conventions
-from kb.model.domain import Domain
-from kb.model.problem import Problem
-from kb.targets import reference
-from kb.terms import Function
+from cellwright.engine.formats.interop import editing
+from cellwright.engine.formats.interop.measurements import all_facts, names, problem_text
+from cellwright.engine.formats.interop.tables import read_table, unit_m
+from cellwright.engine.model.measurement import Inspection, MeasurementPoint
+from cellwright.engine.model.measurements import measurements_of
+from cellwright.engine.model.wording import counted
+from cellwright.engine.pipelines.inspection import Partition, require_choice
+from cellwright.engine.pipelines.inspection.arms import divided
+from cellwright.engine.pipelines.points import points, with_places
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.files import read_file
+from cellwright.kb.loader import find, load
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import reference
+from cellwright.kb.terms import Function
 
 NEARER = "give a smaller --edge-distance if that is too near"
 UNKNOWN = "such points are listed as impossible; declare the kind, and a tool for it"
@@ -91,7 +91,7 @@ def _read(path: Path, unit: str, edge: float | None) -> Inspection:
     if path.suffix.lower() == ".csv":
         return read_table(path, unit)
     # geometry is slow to import, and no table needs it
-    from engine.formats.interop.qif.points import inspection_of
+    from cellwright.engine.formats.interop.qif.points import inspection_of
 
     metres = unit_m(unit)
     return inspection_of(path, metres, None if edge is None else edge * metres)
@@ -152,7 +152,7 @@ def as_qif(problem: Problem) -> tuple[str, int, tuple[Diagnostic, ...]]:
     Raises `InvalidInput` for a domain without measurements.
     """
     require_choice(problem)
-    from engine.formats.interop.qif.points_written import written_points
+    from cellwright.engine.formats.interop.qif.points_written import written_points
 
     found = points(with_places(problem))
     nowhere = sorted({*measurements_of(problem)} - {point.name for point in found})

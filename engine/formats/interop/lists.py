@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 OPENING, CLOSING = "([{", ")]}"
 

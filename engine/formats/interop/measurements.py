@@ -6,9 +6,9 @@ Positions are written in micrometres, normals in thousandths, as whole numbers.
 import re
 from collections.abc import Iterable, Iterator
 
-from engine.model.measurement import Inspection, MeasurementPoint, Triple
-from kb.model.conventions import Conventions
-from kb.terms import Function, Number, Text
+from cellwright.engine.model.measurement import Inspection, MeasurementPoint, Triple
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.terms import Function, Number, Text
 
 
 def atoms(point: MeasurementPoint, words: Conventions) -> list[Function]:

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from engine.formats.interop.depth_files import MAX_BYTES, PNG_UNIT_M, read_depth
-from engine.model.geometry import Floats
-from engine.model.ranging import RangeImage, picture_of
-from engine.stages.vision.ranging import of_depths
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_bytes
-from kb.json_text import parsed
-from kb.model.ranging import Ranging
+from cellwright.engine.formats.interop.depth_files import MAX_BYTES, PNG_UNIT_M, read_depth
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.ranging import RangeImage, picture_of
+from cellwright.engine.stages.vision.ranging import of_depths
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import read_bytes
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.ranging import Ranging
 
 OWN = ".npz"
 LEAST, LARGEST = 1e-6, 1e6  # of a range in m, and of a strength: beyond, there is no answer

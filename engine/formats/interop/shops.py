@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from engine.formats.interop.jobshop import read_jobshop
-from engine.formats.interop.slab import is_slab, read_slab
-from engine.model.shop import Shop
-from kb.loader.plan import is_plan
+from cellwright.engine.formats.interop.jobshop import read_jobshop
+from cellwright.engine.formats.interop.slab import is_slab, read_slab
+from cellwright.engine.model.shop import Shop
+from cellwright.kb.loader.plan import is_plan
 
 JOB_SHOPS = (".json", ".txt", ".jss", ".jsp")
 

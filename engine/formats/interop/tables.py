@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.model.measurement import Inspection, MeasurementPoint
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import File, read_file
-from kb.numbers import DIGITS, NumberError, decimal
+from cellwright.engine.model.measurement import Inspection, MeasurementPoint
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.files import File, read_file
+from cellwright.kb.numbers import DIGITS, NumberError, decimal
 
 NEEDED = ("x", "y", "z", "nx", "ny", "nz")
 OPTIONAL = ("name", "kind", "nominal", "tolerance", "bore", "feature")

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.model.metric import Metric
-from engine.model.tour import Longs, TourProblem, Visit
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, read_file
-from kb.numbers import DIGITS, NumberError, decimal, whole
+from cellwright.engine.model.metric import Metric
+from cellwright.engine.model.tour import Longs, TourProblem, Visit
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, read_file
+from cellwright.kb.numbers import DIGITS, NumberError, decimal, whole
 
 MAX_CITIES = 1_000_000
 LARGEST = 1e9  # of a coordinate or a cost: the cost of a tour of a million cities stays exact

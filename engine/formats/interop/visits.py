@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from engine.formats.interop.tsplib import read_tsplib
-from engine.model.measurements import is_shared
-from engine.pipelines.inspection import partition, tour_problem
-from engine.pipelines.inspection.demands import known, of_options, with_demands
-from engine.pipelines.inspection.visits import Visits
-from engine.pipelines.planning import problem_of
-from engine.pipelines.points import with_places
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import is_file
+from cellwright.engine.formats.interop.tsplib import read_tsplib
+from cellwright.engine.model.measurements import is_shared
+from cellwright.engine.pipelines.inspection import partition, tour_problem
+from cellwright.engine.pipelines.inspection.demands import known, of_options, with_demands
+from cellwright.engine.pipelines.inspection.visits import Visits
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.points import with_places
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import is_file
 
 
 def is_tsplib(target: str) -> bool:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
-from engine.kernels.rigid import rotation_vector
-from engine.model.fits import Aligning, Alignment
-from engine.model.measurement import Triple
+from cellwright.engine.kernels.rigid import rotation_vector
+from cellwright.engine.model.fits import Aligning, Alignment
+from cellwright.engine.model.measurement import Triple
 
 COVERAGE = 2.0  # standard deviations
 

@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from engine.formats.report import placing
-from engine.pipelines.placing.answers import Carry
-from engine.pipelines.placing.assembling import AssemblyMade, Built
-from engine.pipelines.placing.yard import Move, Obstacle, Spot, Way
+from cellwright.engine.formats.report import placing
+from cellwright.engine.pipelines.placing.answers import Carry
+from cellwright.engine.pipelines.placing.assembling import AssemblyMade, Built
+from cellwright.engine.pipelines.placing.yard import Move, Obstacle, Spot, Way
 
 WHERE = {Spot.FOUND: "where it was found", Spot.ASIDE: "on the free place", Spot.GOAL: "at its goal"}
 

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from engine.model.bottleneck import Bottleneck, bottleneck
-from engine.model.schedule import Timetable
-from engine.model.wording import counted
+from cellwright.engine.model.bottleneck import Bottleneck, bottleneck
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.model.wording import counted
 
 
 def bounds(found: Bottleneck, unit: str) -> str:

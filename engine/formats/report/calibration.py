@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from engine.formats.report.placing import pose
-from engine.kernels.rigid import difference
-from engine.model.geometry import Floats
-from engine.pipelines.placing.optics import Optics
-from engine.stages.geometry import transforms
-from engine.stages.vision.calibration import CameraCalibration, RangeCalibration
+from cellwright.engine.formats.report.placing import pose
+from cellwright.engine.kernels.rigid import difference
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.optics import Optics
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.vision.calibration import CameraCalibration, RangeCalibration
 
 
 def range_text(found: RangeCalibration, hidden: tuple[float, float] | None) -> str:

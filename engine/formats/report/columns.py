@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import ceil
 
-from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from kb.terms import Atom
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from cellwright.kb.terms import Atom
 
 HIGHEST = 24  # steps of a column
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
-from engine.formats.report.diagnosis import concluded, number
-from engine.model.troubleshooting import Conclude, Tree, Troubleshooting
+from cellwright.engine.formats.report.diagnosis import concluded, number
+from cellwright.engine.model.troubleshooting import Conclude, Tree, Troubleshooting
 
 CHARACTER, HEIGHT, GAP, MARGIN, BETWEEN = 7.3, 38, 12, 20, 150
 INK, PAPER, BOX, LEAF = "#1b1b1b", "#ffffff", "#e3ecf6", "#e6f3ea"

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw
 
-from engine.kernels.rigid import apply
-from engine.model.geometry import Floats
-from engine.model.ranging import Window
-from engine.model.solid import Solid
-from engine.model.vision import DepthImage
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.ranging import Window
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.model.vision import DepthImage
 
 NOTHING, EDGE, FOUND = (70, 90, 160), (230, 60, 40), (40, 190, 220)
 POSSIBLE, CHOSEN, SHORT, LONG = (60, 200, 90), (250, 210, 40), 1, 4

@@ -6,8 +6,8 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable
-from kb.loader.uses import Device
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.kb.loader.uses import Device
 
 
 def listed(device: Device) -> dict[str, Any]:

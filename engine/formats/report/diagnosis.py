@@ -7,12 +7,12 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 from rich.tree import Tree as RichTree
 
-from engine.formats.report.rows import TextTable
-from engine.model.cases import CaseStep, Diagnosis, Revision
-from engine.model.troubleshooting import Advice, Conclude, Tree, Troubleshooting
-from engine.model.wording import worded
-from kb.model.faults import FaultModel
-from kb.terms import Atom, Variable
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.cases import CaseStep, Diagnosis, Revision
+from cellwright.engine.model.troubleshooting import Advice, Conclude, Tree, Troubleshooting
+from cellwright.engine.model.wording import worded
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.terms import Atom, Variable
 
 SMALL = 0.001  # texts leave out smaller probabilities
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator
 
-from engine.model.purposes import wording
-from kb.diagnostics import escaped
-from kb.model.plan import GOAL, START, Plan, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.model.purposes import wording
+from cellwright.kb.diagnostics import escaped
+from cellwright.kb.model.plan import GOAL, START, Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 
 def plan(made: Plan, problem: Problem | None = None) -> str:

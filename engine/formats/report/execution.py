@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.recovery import given_up_lines
-from engine.model.wording import counted
+from cellwright.engine.formats.report.recovery import given_up_lines
+from cellwright.engine.model.wording import counted
 
 if TYPE_CHECKING:
-    from engine.model.execution import Finish
+    from cellwright.engine.model.execution import Finish
 
 SAID = {
     "reached": "all goals are reached",

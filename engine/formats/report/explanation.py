@@ -4,8 +4,8 @@ from typing import Any
 
 from rich.text import Text
 
-from engine.model.explanation import Amendment, Explanation, Purpose, StepReason
-from engine.model.stages import said_of
+from cellwright.engine.model.explanation import Amendment, Explanation, Purpose, StepReason
+from cellwright.engine.model.stages import said_of
 
 IN_FULL = 6  # changes that are told with the way from the goal to what they give
 _SAID = {  # what edits of one kind are said to be, and how each is said

@@ -5,16 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.pipelines.moves.film import Shot
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.pictures import gltf, png
-from engine.stages.geometry.pictures.camera import Camera, colours_of, looking_at, triangles_in_world
-from engine.stages.geometry.pictures.notes import notes_of
-from engine.stages.geometry.pictures.surfaces import Surface, surfaces
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.moves.film import Shot
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.pictures import gltf, png
+from cellwright.engine.stages.geometry.pictures.camera import (
+    Camera,
+    colours_of,
+    looking_at,
+    triangles_in_world,
+)
+from cellwright.engine.stages.geometry.pictures.notes import notes_of
+from cellwright.engine.stages.geometry.pictures.surfaces import Surface, surfaces
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
 
 SIZE = (960, 720)
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from rich.text import Text
 
-from kb.diagnostics import Diagnostic
+from cellwright.kb.diagnostics import Diagnostic
 
 
 def diagnostics(found: Iterable[Diagnostic]) -> Text:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
-from engine.model.fits import PARAMETERS, Fit, Fitting, Related, Shape
+from cellwright.engine.model.fits import PARAMETERS, Fit, Fitting, Related, Shape
 
 COVERAGE = 1.96  # standard deviations on either side: 95 % of a normal distribution
 

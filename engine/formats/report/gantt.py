@@ -13,10 +13,10 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.bounds import bounds
-from engine.model.bottleneck import bottleneck
-from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Hold, Resource, Shop
+from cellwright.engine.formats.report.bounds import bounds
+from cellwright.engine.model.bottleneck import bottleneck
+from cellwright.engine.model.schedule import Schedule, Timetable
+from cellwright.engine.model.shop import Hold, Resource, Shop
 
 STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
 SHOP = "of all schedules of this shop"

@@ -1,4 +1,4 @@
-"""A schedule as SVG: the Gantt chart of `engine.formats.report.gantt`, with a tooltip for each bar.
+"""A schedule as SVG: the Gantt chart of `cellwright.engine.formats.report.gantt`, with a tooltip for each bar.
 
 Colours are those of the jobs. Steps that are jobs of their own have the colour of their operator, with a legend.
 """
@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from xml.sax.saxutils import escape
 
-from engine.formats.report.gantt import SHOP, Bar, BarKind, Row, joined, rows, summary
-from engine.formats.report.palette import colours
-from engine.formats.report.svg import INK, MONOSPACED, PAPER
-from engine.model.schedule import Schedule
-from engine.model.shop import Shop
+from cellwright.engine.formats.report.gantt import SHOP, Bar, BarKind, Row, joined, rows, summary
+from cellwright.engine.formats.report.palette import colours
+from cellwright.engine.formats.report.svg import INK, MONOSPACED, PAPER
+from cellwright.engine.model.schedule import Schedule
+from cellwright.engine.model.shop import Shop
 
 STEP = re.compile(r"\d+ (\w+)")  # the name of a job that is one step of a plan
 HEIGHT, GAP, MARGIN, WIDTH, CHARACTER, LINE = 22, 6, 16, 1000, 7.3, 16

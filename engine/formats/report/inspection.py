@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable
-from engine.model.tour import PoseProblem, Tour
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.tour import PoseProblem, Tour
 
 
 class Parts(Protocol):

@@ -8,14 +8,14 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report import inspection, shares, tour
-from engine.formats.report.rows import TextTable
-from engine.model.outcome import Found
-from engine.model.wording import counted
-from engine.pipelines.objective import Run
-from kb.model.plan import Plan
-from kb.terms import Function as Name
-from kb.terms import natural_key
+from cellwright.engine.formats.report import inspection, shares, tour
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.wording import counted
+from cellwright.engine.pipelines.objective import Run
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.terms import Function as Name
+from cellwright.kb.terms import natural_key
 
 LISTED = 12  # measurements of one reason that are named
 

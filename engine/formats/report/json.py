@@ -6,13 +6,13 @@ Other forms of answers only need the status from this module. So modules for doc
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from engine.model.forecast import earliest_starts, makespan
-from engine.model.histories import histories
-from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
-from kb.diagnostics import Diagnostic
-from kb.model.conditions import And
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Chain, Problem
+from cellwright.engine.model.forecast import earliest_starts, makespan
+from cellwright.engine.model.histories import histories
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.conditions import And
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.problem import Chain, Problem
 
 VERSION = 1
 Starts = Mapping[StepId, int] | None
@@ -20,7 +20,7 @@ Starts = Mapping[StepId, int] | None
 
 def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diagnostic] = ()) -> str:
     """The answer of a command as JSON text. The same answer gives the same bytes."""
-    from engine.formats.report.json_text import written
+    from cellwright.engine.formats.report.json_text import written
 
     whole = {
         "version": VERSION,
@@ -65,7 +65,7 @@ def outcome(result: Outcome, problem: Problem, domain: str = "", starts: Starts 
 
     `starts` says when each step starts; None: as early as it can.
     """
-    from kb.targets import reference
+    from cellwright.kb.targets import reference
 
     entry = problem_entry(problem, domain or reference(problem.domain))
     match result:

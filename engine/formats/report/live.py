@@ -12,11 +12,11 @@ from rich.panel import Panel
 from rich.table import Column, Table
 from rich.text import Text
 
-from engine.formats.report.execution import duration
-from engine.formats.report.standing import Bar, Standing, begins
-from engine.model.execution import Record, RecordKind
-from engine.model.wording import counted
-from engine.stages.execution.outlook import Window
+from cellwright.engine.formats.report.execution import duration
+from cellwright.engine.formats.report.standing import Bar, Standing, begins
+from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.model.wording import counted
+from cellwright.engine.stages.execution.outlook import Window
 
 NEXT = 5  # steps that have not begun
 NAME = 16  # columns for the name of a device

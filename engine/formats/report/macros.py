@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable
-from kb.model.domain import Domain
-from kb.model.macro import Macrop, MacroStep
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.macro import Macrop, MacroStep
 
 if TYPE_CHECKING:
-    from kb.store import Figures, Stored
-    from kb.store.utilities import Utility
+    from cellwright.kb.store import Figures, Stored
+    from cellwright.kb.store.utilities import Utility
 
 
 def macrop(found: Macrop, domain: Domain | None = None) -> RenderableType:

@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from engine.formats.report.motion_reasons import content_of, text_of
-from engine.model.geometry import Floats
-from engine.model.motion import Answer, Blocked, Moved, Refused
-from engine.pipelines.motion.legs import APPROACH, RETRACT, Leg
-from engine.pipelines.motion.moving import Motion
+from cellwright.engine.formats.report.motion_reasons import content_of, text_of
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Answer, Blocked, Moved, Refused
+from cellwright.engine.pipelines.motion.legs import APPROACH, RETRACT, Leg
+from cellwright.engine.pipelines.motion.moving import Motion
 
 MOST = 16  # configurations of a leg that are shown
 SAID = {RETRACT: "straight out", APPROACH: "straight in"}

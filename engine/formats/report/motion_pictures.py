@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.formats.report import motion_svg
-from engine.model.geometry import Contact, Floats
-from engine.model.motion import Blocked, Moved
-from engine.pipelines.motion.moving import Motion
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.pictures import gltf, png
-from engine.stages.geometry.pictures.camera import colours_of, looking_at, triangles_in_world
-from engine.stages.geometry.pictures.notes import notes_of
-from engine.stages.geometry.pictures.surfaces import Surface, surfaces
+from cellwright.engine.formats.report import motion_svg
+from cellwright.engine.model.geometry import Contact, Floats
+from cellwright.engine.model.motion import Blocked, Moved
+from cellwright.engine.pipelines.motion.moving import Motion
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.pictures import gltf, png
+from cellwright.engine.stages.geometry.pictures.camera import colours_of, looking_at, triangles_in_world
+from cellwright.engine.stages.geometry.pictures.notes import notes_of
+from cellwright.engine.stages.geometry.pictures.surfaces import Surface, surfaces
 
 SIZE = (960, 720)
 MARK_M, MARKS = 0.008, 120  # size and number of the marks on the way of the hand

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from engine.model.geometry import Contact, Floats
-from engine.model.motion import Blocked, InCollision, OutsideLimits, Reason, Refused, Severed
+from cellwright.engine.model.geometry import Contact, Floats
+from cellwright.engine.model.motion import Blocked, InCollision, OutsideLimits, Reason, Refused, Severed
 
 SHOWN = 3  # contacts that are named
 MOST = 5  # ends that are told of

@@ -5,9 +5,9 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from engine.formats.report.palette import colours
-from engine.formats.report.svg import INK, PAPER
-from engine.model.geometry import Floats
+from cellwright.engine.formats.report.palette import colours
+from cellwright.engine.formats.report.svg import INK, PAPER
+from cellwright.engine.model.geometry import Floats
 
 WIDTH, HEIGHT, MARGIN, LINE = (
     860.0,

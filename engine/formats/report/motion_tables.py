@@ -8,9 +8,9 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable
-from engine.pipelines.motion.problems import Replayed
-from engine.pipelines.motion.table import Table
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.pipelines.motion.problems import Replayed
+from cellwright.engine.pipelines.motion.table import Table
 
 
 def travel_entry(found: Table, unit_s: float) -> dict[str, Any]:

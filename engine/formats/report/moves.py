@@ -2,13 +2,13 @@
 
 from typing import TYPE_CHECKING, Any
 
-from engine.model.moves import Leg, MovedStep, Unmoved
+from cellwright.engine.model.moves import Leg, MovedStep, Unmoved
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.model.passing import Sharing, Zone
-    from engine.pipelines.moves.planning import Moving
+    from cellwright.engine.model.passing import Sharing, Zone
+    from cellwright.engine.pipelines.moves.planning import Moving
 
 
 def text(moving: "Moving") -> "list[RenderableType]":

@@ -3,11 +3,11 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from engine.formats.report.execution import SAID, duration
-from engine.model.execution import Record, RecordKind
-from engine.model.wording import counted
-from kb.model.conditions import goal_parts
-from kb.model.problem import Problem
+from cellwright.engine.formats.report.execution import SAID, duration
+from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.model.wording import counted
+from cellwright.kb.model.conditions import goal_parts
+from cellwright.kb.model.problem import Problem
 
 WANTED = 8  # goals that are listed
 Content = Mapping[str, Any]

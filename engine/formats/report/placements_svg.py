@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from xml.sax.saxutils import escape
 
-from engine.pipelines.placing.resting import GOAL, START, Resting
+from cellwright.engine.pipelines.placing.resting import GOAL, START, Resting
 
 WIDTH, HEIGHT, RADIUS = 760, 560, 34
 STYLE = """text{font:13px sans-serif;text-anchor:middle;fill:#222}

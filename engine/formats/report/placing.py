@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.assembly import Assembled, Freedom
-from engine.model.geometry import Floats
-from engine.model.grasping import Grasp
-from engine.model.vision import Hypothesis
-from engine.pipelines.placing.answers import Carry, Leg, NotPlaced, PlaceAnswer, Placed
-from engine.pipelines.placing.doubt import at_goal
-from engine.pipelines.placing.placing import STILL_M, STILL_RAD, Since
-from engine.stages.geometry import transforms
-from engine.stages.grasping.insertion import Insertion, Search
+from cellwright.engine.model.assembly import Assembled, Freedom
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.grasping import Grasp
+from cellwright.engine.model.vision import Hypothesis
+from cellwright.engine.pipelines.placing.answers import Carry, Leg, NotPlaced, PlaceAnswer, Placed
+from cellwright.engine.pipelines.placing.doubt import at_goal
+from cellwright.engine.pipelines.placing.placing import STILL_M, STILL_RAD, Since
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.grasping.insertion import Insertion, Search
 
 STATUS = {"relations": "infeasible", "regrasp": "infeasible"}
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.stages.grasping.approach import GraspPlane
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.grasping.approach import GraspPlane
 
 SIDE_PX, REACH_M = 640, 0.26
 COLOURS = ("#c2452d", "#2d6fc2", "#2e8b57", "#8a5a9e", "#b8860b")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.model.windows import Unmet
-    from engine.pipelines.moves.planning import Moving
-    from engine.pipelines.objective import Run
-    from kb.diagnostics import Diagnostic
-    from kb.model.problem import Problem
+    from cellwright.engine.model.windows import Unmet
+    from cellwright.engine.pipelines.moves.planning import Moving
+    from cellwright.engine.pipelines.objective import Run
+    from cellwright.kb.diagnostics import Diagnostic
+    from cellwright.kb.model.problem import Problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,13 @@ class Made:
 
 def document(made: Made, stats: bool) -> dict[str, Any]:
     """The outcome as data, with its statistics if they were asked for."""
-    from engine.formats.report import json
-    from engine.formats.report.gantt import proof_entry
+    from cellwright.engine.formats.report import json
+    from cellwright.engine.formats.report.gantt import proof_entry
 
     run = made.run
     content = {**json.outcome(run.outcome, made.problem, starts=run.starts), **made.origin}
     if run.itinerary:
-        from engine.formats.report import itinerary
+        from cellwright.engine.formats.report import itinerary
 
         content |= itinerary.entry(run)
     content |= _unmet(made).entry()
@@ -45,7 +45,7 @@ def document(made: Made, stats: bool) -> dict[str, Any]:
         content["statistics"] = json.statistics(run.outcome.statistics)
     if made.moving is None:
         return content
-    from engine.formats.report import moves
+    from cellwright.engine.formats.report import moves
 
     return {**content, **moves.entry(made.moving)}
 
@@ -55,7 +55,7 @@ def text(made: Made, stats: bool, folded: bool) -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report import text as report
+    from cellwright.engine.formats.report import text as report
 
     run = made.run
     by_geometry = made.moving is not None and bool(made.moving.given_up or made.moving.refused)
@@ -64,12 +64,12 @@ def text(made: Made, stats: bool, folded: bool) -> "RenderableType":
     if folded and made.origin.get("source", {}).get("parts"):
         parts = parts[1:]
     if run.itinerary:
-        from engine.formats.report import itinerary
+        from cellwright.engine.formats.report import itinerary
 
         parts.append(itinerary.text(run, made.problem.domain.time_unit))
     parts += [Text(line) for line in _unmet(made).lines(made.problem.domain.time_unit)]
     if made.moving is not None:
-        from engine.formats.report import moves
+        from cellwright.engine.formats.report import moves
 
         parts += moves.text(made.moving)
     return Group(*parts, *([report.statistics(run.outcome.statistics)] if stats else []))
@@ -77,10 +77,10 @@ def text(made: Made, stats: bool, folded: bool) -> "RenderableType":
 
 def _unmet(made: Made) -> "Unmet":
     """What the problem asks of the times of measurements, and the plan does not keep."""
-    from engine.model.outcome import Found
-    from engine.model.windows import Unmet
-    from engine.pipelines.plan_files import unmet
-    from kb.model.plan import Claims
+    from cellwright.engine.model.outcome import Found
+    from cellwright.engine.model.windows import Unmet
+    from cellwright.engine.pipelines.plan_files import unmet
+    from cellwright.kb.model.plan import Claims
 
     outcome, starts = made.run.outcome, made.run.starts
     if not isinstance(outcome, Found) or starts is None:
@@ -90,7 +90,7 @@ def _unmet(made: Made) -> "Unmet":
 
 def losses(content: Mapping[str, Any], store: str) -> "tuple[Diagnostic, ...]":
     """A warning if the library could not keep what was learned. The plan is no worse for it."""
-    from kb.diagnostics import Diagnostic, Source
+    from cellwright.kb.diagnostics import Diagnostic, Source
 
     said = content.get("source", {}).get("lost")
     message, hint = (
@@ -105,7 +105,7 @@ def origin_text(content: Mapping[str, Any]) -> "list[RenderableType]":
     found = content.get("source")
     if not found:
         return []
-    from engine.formats.report.macros import folded, origin
+    from cellwright.engine.formats.report.macros import folded, origin
 
     parts = folded(found.get("parts", ()))
     said = origin(found["origin"], found["macrop"], found["name"], found["reason"], listed=parts is not None)

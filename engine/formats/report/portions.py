@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-from engine.formats.report import placing
-from engine.pipelines.placing.aligning import Brought, Portion
-from engine.pipelines.placing.answers import NotPlaced
-from engine.pipelines.placing.watching import Forecast, Outlook, Watched
-from kb.model.scene import SaidRelation
+from cellwright.engine.formats.report import placing
+from cellwright.engine.pipelines.placing.aligning import Brought, Portion
+from cellwright.engine.pipelines.placing.answers import NotPlaced
+from cellwright.engine.pipelines.placing.watching import Forecast, Outlook, Watched
+from cellwright.kb.model.scene import SaidRelation
 
 SAID = {
     Outlook.DONE: "the part is at its goal",

@@ -3,12 +3,12 @@
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
-from engine.model.wording import counted
+from cellwright.engine.model.wording import counted
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.pipelines.preparation import KeptPoses, KeptSequence, Preparation
+    from cellwright.engine.pipelines.preparation import KeptPoses, KeptSequence, Preparation
 
 
 def content(found: "Preparation") -> dict[str, Any]:
@@ -41,8 +41,8 @@ def text(found: "Preparation") -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report.macros import origin
-    from engine.formats.report.rows import TextTable
+    from cellwright.engine.formats.report.macros import origin
+    from cellwright.engine.formats.report.rows import TextTable
 
     sequenced = any(each.sequence for each in found.problems)
     posed, rows = any(each.poses for each in found.problems), []

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report import shares
-from engine.formats.report import tour as tours
-from engine.model.tour import Tour, TourProblem
-from kb.store.sequences import PlannedVisit, SequencePlan
+from cellwright.engine.formats.report import shares
+from cellwright.engine.formats.report import tour as tours
+from cellwright.engine.model.tour import Tour, TourProblem
+from cellwright.kb.store.sequences import PlannedVisit, SequencePlan
 
 if TYPE_CHECKING:
-    from engine.pipelines.parts import Shared
+    from cellwright.engine.pipelines.parts import Shared
 
 WAYS = {
     "made": "a new sequence",

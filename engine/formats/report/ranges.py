@@ -8,10 +8,10 @@ import numpy as np
 from PIL import Image, ImageDraw
 from rich.text import Text
 
-from engine.formats.report import fits
-from engine.model.fits import Fit, Fitting, Related
-from engine.model.ranging import EdgeKind, Edges, RangeImage, Window
-from engine.pipelines.dimensions.surfaces import MeasuredSurface
+from cellwright.engine.formats.report import fits
+from cellwright.engine.model.fits import Fit, Fitting, Related
+from cellwright.engine.model.ranging import EdgeKind, Edges, RangeImage, Window
+from cellwright.engine.pipelines.dimensions.surfaces import MeasuredSurface
 
 NOTHING = (70, 90, 160)
 COLOURS = {EdgeKind.STEP: (230, 60, 40), EdgeKind.ROOF: (250, 210, 40), EdgeKind.CREASE: (60, 200, 90)}

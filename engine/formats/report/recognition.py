@@ -5,8 +5,8 @@ from typing import Any
 
 from rich.text import Text
 
-from engine.model.ranging import Named, Recognised, Sight, Unexplained
-from engine.model.wording import counted
+from cellwright.engine.model.ranging import Named, Recognised, Sight, Unexplained
+from cellwright.engine.model.wording import counted
 
 
 def text(found: Recognised) -> Text:

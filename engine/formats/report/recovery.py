@@ -6,13 +6,13 @@ from typing import Any, Protocol
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report import json, progress
-from engine.formats.report import text as outcomes
-from engine.model.cases import Prepared
-from engine.model.outcome import Outcome
-from engine.model.wording import counted, worded
-from kb.model.plan import Step
-from kb.model.problem import Problem
+from cellwright.engine.formats.report import json, progress
+from cellwright.engine.formats.report import text as outcomes
+from cellwright.engine.model.cases import Prepared
+from cellwright.engine.model.outcome import Outcome
+from cellwright.engine.model.wording import counted, worded
+from cellwright.kb.model.plan import Step
+from cellwright.kb.model.problem import Problem
 
 WAYS = {
     "planned": "planned from the revised state",

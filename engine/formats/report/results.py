@@ -5,10 +5,10 @@ from collections.abc import Collection, Iterator, Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.execution import clock
-from engine.formats.report.rows import TextTable
-from engine.model.wording import counted
-from kb.model.results import Measured, Results, Treated
+from cellwright.engine.formats.report.execution import clock
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.wording import counted
+from cellwright.kb.model.results import Measured, Results, Treated
 
 VERDICTS = {True: "passed", False: "FAILED", None: "not judged"}
 MEASURED = ("measured", "quantity", "value", "nominal", "from", "to", "", "by", "at")

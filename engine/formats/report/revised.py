@@ -2,20 +2,20 @@
 
 from typing import TYPE_CHECKING, Any
 
-from engine.model.wording import counted
+from cellwright.engine.model.wording import counted
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.pipelines.revision import PlanRevision
-    from kb.terms import Atom
+    from cellwright.engine.pipelines.revision import PlanRevision
+    from cellwright.kb.terms import Atom
 
     Follows = tuple[tuple[Atom, bool], ...]
 
 
 def entry(found: "PlanRevision", follows: "Follows") -> dict[str, Any]:
     """The revision as data: the steps kept, dropped and added, and what follows from what was observed."""
-    from engine.formats.report.recovery import given_up_entry
+    from cellwright.engine.formats.report.recovery import given_up_entry
 
     parts = {"kept": found.kept, "dropped": found.dropped, "added": found.added}
     return {
@@ -33,8 +33,8 @@ def text(found: "PlanRevision", follows: "Follows") -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report import text
-    from engine.formats.report.recovery import given_up_lines
+    from cellwright.engine.formats.report import text
+    from cellwright.engine.formats.report.recovery import given_up_lines
 
     said = [
         f"{found.way}: {counted(len(found.kept), 'step')} kept, {len(found.dropped)} dropped, {len(found.added)} added"

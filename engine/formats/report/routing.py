@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.formats.report.channels import (
+from cellwright.engine.formats.report.channels import (
     Boxes,
     End,
     Net,

@@ -11,7 +11,7 @@ from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 
-from engine.formats.report.wrapping import terms, wrapped
+from cellwright.engine.formats.report.wrapping import terms, wrapped
 
 GAP = 2  # characters between columns
 Cut = Callable[[str], Iterable[str]]

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable
-from engine.model.wording import counted
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.wording import counted
 
 if TYPE_CHECKING:
-    from engine.pipelines.parts import Shared
+    from cellwright.engine.pipelines.parts import Shared
 
 SHOWN = 12  # measurements of one arm that are named
 

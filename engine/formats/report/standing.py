@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from engine.formats.report.execution import duration
-from engine.formats.report.narration import narrated
-from engine.model.execution import Phase, Record, RecordKind
-from engine.pipelines.execution.records import activity_of
-from engine.stages.execution import Program, Running, standing_of
-from engine.stages.execution.outlook import TOLERANCE_MS, Accuracy, Window, outlook
+from cellwright.engine.formats.report.execution import duration
+from cellwright.engine.formats.report.narration import narrated
+from cellwright.engine.model.execution import Phase, Record, RecordKind
+from cellwright.engine.pipelines.execution.records import activity_of
+from cellwright.engine.stages.execution import Program, Running, standing_of
+from cellwright.engine.stages.execution.outlook import TOLERANCE_MS, Accuracy, Window, outlook
 
 LOG, FACTS = 8, 6  # lines of the log, last changes of the world
 HALTED = "stopped"

@@ -1,8 +1,8 @@
 """When everything in a schedule starts and ends, as tables in the order of time."""
 
-from engine.formats.report.rows import TextTable
-from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Shop
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.schedule import Schedule, Timetable
+from cellwright.engine.model.shop import Shop
 
 NUMBERS = ("end", "step")
 

@@ -6,8 +6,17 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable
-from engine.model.task_space import Brought, Growth, Net, Place, Region, Removed, Transfer, Transition
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.task_space import (
+    Brought,
+    Growth,
+    Net,
+    Place,
+    Region,
+    Removed,
+    Transfer,
+    Transition,
+)
 
 SHOWN = 60
 

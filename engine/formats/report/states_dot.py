@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
-from engine.model.task_space import Net, Transfer
-from kb.diagnostics import escaped
+from cellwright.engine.model.task_space import Net, Transfer
+from cellwright.kb.diagnostics import escaped
 
 
 def net(made: Net) -> str:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
-from engine.formats.report.svg import MONOSPACED
-from engine.model.task_space import Net, Place, Transition
+from cellwright.engine.formats.report.svg import MONOSPACED
+from cellwright.engine.model.task_space import Net, Place, Transition
 
 CHARACTER, ROW, BOX, PLACE, MARGIN, CHANNEL, SWEEPS = 6.6, 30, 20, 26, 24, 150, 24
 INK, PAPER, DEVICE, ROBOT, OPERATOR, ONE_WAY = (

@@ -8,10 +8,10 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from engine.formats.report.lines import lines
-from engine.formats.report.rows import headed
-from engine.formats.report.wrapping import wrapped
-from kb.model.plan import Plan, Step, StepId
+from cellwright.engine.formats.report.lines import lines
+from cellwright.engine.formats.report.rows import headed
+from cellwright.engine.formats.report.wrapping import wrapped
+from cellwright.kb.model.plan import Plan, Step, StepId
 
 LIST = 12  # characters of a line of step numbers
 GAP = 2  # characters between columns

@@ -6,9 +6,9 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable
-from engine.model.verdicts import Feature, Survey
-from engine.model.wording import counted
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.verdicts import Feature, Survey
+from cellwright.engine.model.wording import counted
 
 NOTED = ("not conforming", "undecided", "doubtful", "failed")  # verdicts that are listed one by one
 MANY = 40

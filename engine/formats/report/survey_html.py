@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from engine.formats.report.survey import AGAIN, lying, repeated, shown, summary
-from engine.model.verdicts import Feature, Survey
-from kb.model.results import Results
+from cellwright.engine.formats.report.survey import AGAIN, lying, repeated, shown, summary
+from cellwright.engine.model.verdicts import Feature, Survey
+from cellwright.kb.model.results import Results
 
 COLOURS = {
     "conforming": "#2a9d5c", "passed": "#2a9d5c", "not conforming": "#d1382f", "failed": "#d1382f",

@@ -12,16 +12,16 @@ from math import ceil, floor
 from types import MappingProxyType
 from xml.sax.saxutils import escape, quoteattr
 
-from engine.formats.report.channels import GRID, Boxes, Net, width_for
-from engine.formats.report.columns import Column, columns
-from engine.formats.report.dot import orders
-from engine.formats.report.layout import Edge, Layout, layout
-from engine.formats.report.palette import colours
-from engine.formats.report.routing import Point, Routing, route
-from engine.model.purposes import wording
-from kb.model.plan import START, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.formats.report.channels import GRID, Boxes, Net, width_for
+from cellwright.engine.formats.report.columns import Column, columns
+from cellwright.engine.formats.report.dot import orders
+from cellwright.engine.formats.report.layout import Edge, Layout, layout
+from cellwright.engine.formats.report.palette import colours
+from cellwright.engine.formats.report.routing import Point, Routing, route
+from cellwright.engine.model.purposes import wording
+from cellwright.kb.model.plan import START, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 CHARACTER, HEIGHT, GAP, MARGIN, BAR, ROUND = 7.3, 30, 44, 20, 6, 5
 WIDE_START = 24  # ports

@@ -12,18 +12,18 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable, headed
-from engine.formats.report.steps import StepTable, span
-from engine.model.forecast import earliest_starts, makespan
-from engine.model.histories import History, histories
-from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
-from engine.model.purposes import purposes
-from engine.model.wording import counted
-from kb.model.plan import Plan
-from kb.model.problem import Problem
+from cellwright.engine.formats.report.rows import TextTable, headed
+from cellwright.engine.formats.report.steps import StepTable, span
+from cellwright.engine.model.forecast import earliest_starts, makespan
+from cellwright.engine.model.histories import History, histories
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from cellwright.engine.model.purposes import purposes
+from cellwright.engine.model.wording import counted
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
 
 if TYPE_CHECKING:
-    from engine.model.schedule import Timetable
+    from cellwright.engine.model.schedule import Timetable
 
 WIDEST = 10_000
 
@@ -52,7 +52,7 @@ def plan_table(plan: Plan, problem: Problem, timetable: "Timetable | None" = Non
     starts = timetable.starts if timetable else earliest_starts(plan)
     chart: list[RenderableType] = []
     if timetable:
-        from engine.formats.report.gantt import Gantt, kept_order, summary
+        from cellwright.engine.formats.report.gantt import Gantt, kept_order, summary
 
         said.append(summary(timetable.schedule, unit, timetable.scope))
         chart = [Text(), Gantt(timetable.shop, timetable.schedule, unit), Text()]

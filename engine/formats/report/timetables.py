@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from engine.model.outcome import Found, Statistics
-from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Shop
-from engine.model.windows import Unmet
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found, Statistics
+from cellwright.engine.model.schedule import Schedule, Timetable
+from cellwright.engine.model.shop import Shop
+from cellwright.engine.model.windows import Unmet
+from cellwright.kb.model.problem import Problem
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -37,8 +37,8 @@ class Timed:
 
 def of_plan(made: Timetable, problem: Problem) -> Timed:
     """The schedule of a plan for a problem, with the windows of measurements that it does not keep."""
-    from engine.pipelines.plan_files import unmet
-    from kb.model.plan import Claims
+    from cellwright.engine.pipelines.plan_files import unmet
+    from cellwright.kb.model.plan import Claims
 
     broken = unmet(problem, made.plan, Claims(dict(made.starts)))
     return Timed(made.shop, made.schedule, made.statistics, made, problem, broken)
@@ -46,8 +46,8 @@ def of_plan(made: Timetable, problem: Problem) -> Timed:
 
 def content(made: Timed, stats: bool = False) -> dict[str, Any]:
     """The schedule as data, with its statistics if they are asked for."""
-    from engine.formats.report import json
-    from engine.formats.report.gantt import schedule_entry
+    from cellwright.engine.formats.report import json
+    from cellwright.engine.formats.report.gantt import schedule_entry
 
     if made.timetable is None or made.problem is None:
         found: dict[str, Any] = {"schedule": schedule_entry(made.shop, made.schedule)}
@@ -57,10 +57,10 @@ def content(made: Timed, stats: bool = False) -> dict[str, Any]:
 
 
 def _of_plan(made: Timed, table: Timetable, problem: Problem) -> dict[str, Any]:
-    from engine.formats.report import json
-    from engine.formats.report.bounds import bottleneck_entry
-    from engine.formats.report.gantt import schedule_entry
-    from engine.pipelines.timetable.kept import LONG
+    from cellwright.engine.formats.report import json
+    from cellwright.engine.formats.report.bounds import bottleneck_entry
+    from cellwright.engine.formats.report.gantt import schedule_entry
+    from cellwright.engine.pipelines.timetable.kept import LONG
 
     planned = json.outcome(Found(table.plan), problem, starts=table.starts)["plan"]
     entry = schedule_entry(table.shop, table.schedule, table.scope, staged=len(table.plan.steps) <= LONG)
@@ -79,9 +79,9 @@ def text(made: Timed, stats: bool = False) -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report import starts
-    from engine.formats.report import text as report
-    from engine.formats.report.gantt import charted, charted_shop
+    from cellwright.engine.formats.report import starts
+    from cellwright.engine.formats.report import text as report
+    from cellwright.engine.formats.report.gantt import charted, charted_shop
 
     unit, timetable = made.unit, made.timetable
     table = (
@@ -94,8 +94,8 @@ def text(made: Timed, stats: bool = False) -> "RenderableType":
 
 def chart(made: Timed) -> str:
     """The schedule as a Gantt chart in SVG."""
-    from engine.formats.report import gantt_svg
-    from engine.formats.report.gantt import SHOP, kept_order
+    from cellwright.engine.formats.report import gantt_svg
+    from cellwright.engine.formats.report.gantt import SHOP, kept_order
 
     if made.timetable is None:
         return gantt_svg.chart(made.shop, made.schedule, made.unit, SHOP)

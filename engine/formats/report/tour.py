@@ -5,8 +5,8 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import TextTable
-from engine.model.tour import ENDLESS, Tour, TourProblem, slack_of, times_of
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.model.tour import ENDLESS, Tour, TourProblem, slack_of, times_of
 
 SHOWN = 40
 

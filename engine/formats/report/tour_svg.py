@@ -6,11 +6,11 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from engine.formats.report.palette import colours
-from engine.formats.report.svg import INK, PAPER
-from engine.model.geometry import Floats
-from engine.model.tour import Tour, TourProblem
-from engine.stages.geometry.pictures.labels import SIZE_PIXELS, Label, placed
+from cellwright.engine.formats.report.palette import colours
+from cellwright.engine.formats.report.svg import INK, PAPER
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.tour import Tour, TourProblem
+from cellwright.engine.stages.geometry.pictures.labels import SIZE_PIXELS, Label, placed
 
 LONGEST, MARGIN, LINE = 860.0, 30.0, 18.0  # pixels: the longer side, the margin, a line of the legend
 NAMED = 60  # visits that are named; of longer tours, the first and the last

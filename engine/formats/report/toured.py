@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
-from engine.model.tour import Tour
-from engine.pipelines.inspection.visits import Visits
+from cellwright.engine.model.tour import Tour
+from cellwright.engine.pipelines.inspection.visits import Visits
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def content(answer: Tour, found: Visits) -> dict[str, Any]:
     """The tour through these visits as data."""
-    from engine.formats.report import inspection, tour
+    from cellwright.engine.formats.report import inspection, tour
 
     made = tour.entry(answer, found.tours)
     if found.parts is not None:
@@ -25,7 +25,7 @@ def text(answer: Tour, found: Visits) -> "RenderableType":
     """The tour through these visits as people read it."""
     from rich.console import Group
 
-    from engine.formats.report import inspection, tour
+    from cellwright.engine.formats.report import inspection, tour
 
     shown = [tour.text(answer, found.tours)]
     if found.parts is not None:
@@ -36,6 +36,6 @@ def text(answer: Tour, found: Visits) -> "RenderableType":
 
 
 def _time(answer: Tour, found: Visits) -> int | None:
-    from engine.pipelines.inspection.ways import time_between
+    from cellwright.engine.pipelines.inspection.ways import time_between
 
     return None if found.problem is None else time_between(found.problem, found.tours, answer.order)

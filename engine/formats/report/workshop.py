@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from engine.formats.report import assembling, execution
-from engine.formats.report.recovery import given_up_lines
-from engine.model.wording import counted
-from engine.pipelines.witness.touches import Touched
-from engine.pipelines.workshop.carrying import Went
-from engine.pipelines.workshop.running import Carried, Executed
+from cellwright.engine.formats.report import assembling, execution
+from cellwright.engine.formats.report.recovery import given_up_lines
+from cellwright.engine.model.wording import counted
+from cellwright.engine.pipelines.witness.touches import Touched
+from cellwright.engine.pipelines.workshop.carrying import Went
+from cellwright.engine.pipelines.workshop.running import Carried, Executed
 
 
 def text(done: Executed) -> str:

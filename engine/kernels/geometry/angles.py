@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
+from cellwright.engine.kernels.arrays import Floats
 
 LARGE = 6e6  # rad
 SHIFT = 6755399441055744.0  # 1.5 * 2^52: adding it rounds

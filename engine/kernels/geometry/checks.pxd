@@ -1,10 +1,10 @@
 # Types with which Cython compiles checks.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport gjk, layout, room, segments, volumes
-from engine.kernels.geometry.distance cimport Separations
-from engine.kernels.geometry.layout cimport Pairs, Pieces
-from engine.kernels.geometry.room cimport Room
+from cellwright.engine.kernels.geometry cimport gjk, layout, room, segments, volumes
+from cellwright.engine.kernels.geometry.distance cimport Separations
+from cellwright.engine.kernels.geometry.layout cimport Pairs, Pieces
+from cellwright.engine.kernels.geometry.room cimport Room
 
 cdef double INFINITE
 

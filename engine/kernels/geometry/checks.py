@@ -9,11 +9,11 @@ import math
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs
-from engine.kernels.geometry import gjk, layout, room, segments, volumes
-from engine.kernels.geometry.distance import Separations
-from engine.kernels.geometry.layout import Pairs, Pieces
-from engine.kernels.geometry.room import Room
+from cellwright.engine.kernels.arrays import Floats, Longs
+from cellwright.engine.kernels.geometry import gjk, layout, room, segments, volumes
+from cellwright.engine.kernels.geometry.distance import Separations
+from cellwright.engine.kernels.geometry.layout import Pairs, Pieces
+from cellwright.engine.kernels.geometry.room import Room
 
 INFINITE = math.inf
 

@@ -1,9 +1,9 @@
 # Types with which Cython compiles depth.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport gjk, vectors
-from engine.kernels.geometry.gjk cimport Cores
-from engine.kernels.geometry.vectors cimport Triple
+from cellwright.engine.kernels.geometry cimport gjk, vectors
+from cellwright.engine.kernels.geometry.gjk cimport Cores
+from cellwright.engine.kernels.geometry.vectors cimport Triple
 
 cdef int MAX_POINTS, MAX_FACES
 cdef double INFINITE

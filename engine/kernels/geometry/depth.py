@@ -11,10 +11,10 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry import gjk, vectors
-from engine.kernels.geometry.gjk import CORNERS, Cores
-from engine.kernels.geometry.vectors import V
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.geometry import gjk, vectors
+from cellwright.engine.kernels.geometry.gjk import CORNERS, Cores
+from cellwright.engine.kernels.geometry.vectors import V
 
 MAX_POINTS = CORNERS
 MAX_FACES = 4 * MAX_POINTS  # a hull of n corners has at most 2 n - 4 triangles

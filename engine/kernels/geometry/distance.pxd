@@ -1,8 +1,8 @@
 # Types with which Cython compiles distance.py. Its meaning is written there.
 import cython
-from engine.kernels.geometry cimport depth, gjk
-from engine.kernels.geometry.depth cimport Polytope
-from engine.kernels.geometry.gjk cimport Cores
+from cellwright.engine.kernels.geometry cimport depth, gjk
+from cellwright.engine.kernels.geometry.depth cimport Polytope
+from cellwright.engine.kernels.geometry.gjk cimport Cores
 
 cdef double INFINITE
 

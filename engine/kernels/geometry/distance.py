@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, refuse_unless
-from engine.kernels.geometry import depth, gjk
-from engine.kernels.geometry.depth import Polytope
-from engine.kernels.geometry.gjk import Cores
+from cellwright.engine.kernels.arrays import Floats, refuse_unless
+from cellwright.engine.kernels.geometry import depth, gjk
+from cellwright.engine.kernels.geometry.depth import Polytope
+from cellwright.engine.kernels.geometry.gjk import Cores
 
 INFINITE = math.inf
 

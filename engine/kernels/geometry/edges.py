@@ -12,10 +12,10 @@ from collections.abc import Callable
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Bytes, Floats, refuse_unless
-from engine.kernels.geometry import checks, mechanism, room
-from engine.kernels.geometry.lanes import Lanes, Narrow
-from engine.kernels.geometry.room import Room
+from cellwright.engine.kernels.arrays import Bytes, Floats, refuse_unless
+from cellwright.engine.kernels.geometry import checks, mechanism, room
+from cellwright.engine.kernels.geometry.lanes import Lanes, Narrow
+from cellwright.engine.kernels.geometry.room import Room
 
 LANES = 16  # configurations side by side
 Ask = Callable[[Floats, Floats], bool]

@@ -1,5 +1,5 @@
 # Types with which Cython compiles forward.py. Its meaning is written there.
-from engine.kernels.geometry cimport angles
+from cellwright.engine.kernels.geometry cimport angles
 
 cdef void stand(double[:, :, :, ::1] out, Py_ssize_t n) noexcept nogil
 cdef void place_joint(

@@ -2,8 +2,8 @@
 # cython: initializedcheck=False, cdivision=True
 """Where the carrier of a joint is, from its parent's."""
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry import angles
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.geometry import angles
 
 
 def stand(out: Floats, n: int) -> None:

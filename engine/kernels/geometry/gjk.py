@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry import vectors
-from engine.kernels.geometry.vectors import V
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.geometry import vectors
+from cellwright.engine.kernels.geometry.vectors import V
 
 ROUNDS = 64
 INFINITE = math.inf

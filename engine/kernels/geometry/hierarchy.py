@@ -10,7 +10,7 @@ that shares all other rows with the old one; both stay right.
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, refuse_unless
+from cellwright.engine.kernels.arrays import Floats, Longs, refuse_unless
 
 if not cython.compiled:  # `hierarchy.pxd` has this number, too
     LEAF = -1  # in the place of a leaf's first child; the second is the number of its piece

@@ -1,8 +1,8 @@
 # Types with which Cython compiles inverse.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport angles, subproblems, vectors
-from engine.kernels.geometry.vectors cimport Triple
+from cellwright.engine.kernels.geometry cimport angles, subproblems, vectors
+from cellwright.engine.kernels.geometry.vectors cimport Triple
 
 cdef double INFINITE
 

@@ -12,9 +12,9 @@ import math
 
 import cython
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry import angles, subproblems, vectors
-from engine.kernels.geometry.vectors import V
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.geometry import angles, subproblems, vectors
+from cellwright.engine.kernels.geometry.vectors import V
 
 INFINITE = math.inf
 

@@ -1,8 +1,8 @@
 # Types with which Cython compiles lanes.py. Its meaning is written there, and in lanes.h.
 import cython
-from engine.kernels.geometry cimport layout
-from engine.kernels.geometry.layout cimport Pairs, Pieces
-from engine.kernels.geometry.mechanism cimport Mechanism
+from cellwright.engine.kernels.geometry cimport layout
+from cellwright.engine.kernels.geometry.layout cimport Pairs, Pieces
+from cellwright.engine.kernels.geometry.mechanism cimport Mechanism
 
 cdef extern from "engine/kernels/geometry/lanes.h":
     ctypedef struct lanes_scene:

@@ -12,11 +12,11 @@ from typing import Any
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Singles
-from engine.kernels.geometry import layout
-from engine.kernels.geometry.layout import Pairs, Pieces
-from engine.kernels.geometry.mechanism import Mechanism
-from engine.kernels.linear import matmul, norm
+from cellwright.engine.kernels.arrays import Floats, Singles
+from cellwright.engine.kernels.geometry import layout
+from cellwright.engine.kernels.geometry.layout import Pairs, Pieces
+from cellwright.engine.kernels.geometry.mechanism import Mechanism
+from cellwright.engine.kernels.linear import matmul, norm
 
 # Of all lengths that a position is made of, this share is more than rounding takes, for each joint on the way: an angle within
 # half a turn is rounded by 2e-7 rad, its sine by 2e-7, and each of the some twenty products and sums of a joint by 6e-8.

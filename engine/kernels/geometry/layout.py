@@ -9,7 +9,7 @@ the kernels, which read it there without touching an object.
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, refuse_beyond, refuse_unless
+from cellwright.engine.kernels.arrays import Floats, Longs, refuse_beyond, refuse_unless
 
 if not cython.compiled:  # `layout.pxd` has these numbers, too
     # Columns of `bounds`: where the bounds of a piece are, and how large.

@@ -1,6 +1,6 @@
 # Types with which Cython compiles mechanism.py. Its meaning is written there.
 import cython
-from engine.kernels.geometry cimport forward
+from cellwright.engine.kernels.geometry cimport forward
 
 @cython.final
 cdef class Mechanism:

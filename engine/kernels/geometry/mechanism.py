@@ -5,8 +5,8 @@
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths, refuse_unless
-from engine.kernels.geometry import forward
+from cellwright.engine.kernels.arrays import Floats, Longs, Truths, refuse_unless
+from cellwright.engine.kernels.geometry import forward
 
 
 class Mechanism:

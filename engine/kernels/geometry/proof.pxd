@@ -1,11 +1,11 @@
 # Types with which Cython compiles proof.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport checks, edges, layout, mechanism, room, volumes
-from engine.kernels.geometry.lanes cimport Lanes, Narrow
-from engine.kernels.geometry.layout cimport Pairs
-from engine.kernels.geometry.mechanism cimport Mechanism
-from engine.kernels.geometry.room cimport Room
+from cellwright.engine.kernels.geometry cimport checks, edges, layout, mechanism, room, volumes
+from cellwright.engine.kernels.geometry.lanes cimport Lanes, Narrow
+from cellwright.engine.kernels.geometry.layout cimport Pairs
+from cellwright.engine.kernels.geometry.mechanism cimport Mechanism
+from cellwright.engine.kernels.geometry.room cimport Room
 
 cdef int LANES, DEEPEST
 cdef double LONGEST

@@ -10,10 +10,10 @@ Sixteen stretches are looked at side by side.
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, refuse_unless
-from engine.kernels.geometry import checks, edges, mechanism, room, volumes
-from engine.kernels.geometry.lanes import Lanes, Narrow
-from engine.kernels.geometry.room import Room
+from cellwright.engine.kernels.arrays import Floats, refuse_unless
+from cellwright.engine.kernels.geometry import checks, edges, mechanism, room, volumes
+from cellwright.engine.kernels.geometry.lanes import Lanes, Narrow
+from cellwright.engine.kernels.geometry.room import Room
 
 LANES = 16  # stretches side by side
 DEEPEST = 40  # how often a stretch is halved at most

@@ -1,10 +1,10 @@
 # Types with which Cython compiles regions.py. Its meaning is written there.
 import cython
-from engine.kernels.geometry cimport checks, hierarchy, layout, room, volumes
-from engine.kernels.geometry.distance cimport Separations
-from engine.kernels.geometry.hierarchy cimport Hierarchy
-from engine.kernels.geometry.layout cimport Pieces
-from engine.kernels.geometry.room cimport Room
+from cellwright.engine.kernels.geometry cimport checks, hierarchy, layout, room, volumes
+from cellwright.engine.kernels.geometry.distance cimport Separations
+from cellwright.engine.kernels.geometry.hierarchy cimport Hierarchy
+from cellwright.engine.kernels.geometry.layout cimport Pieces
+from cellwright.engine.kernels.geometry.room cimport Room
 
 @cython.final
 cdef class Walk:

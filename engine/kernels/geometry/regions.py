@@ -9,12 +9,12 @@ both are compared as any two pieces are. So a question costs nothing for the pie
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Bytes, Floats, Longs, Truths
-from engine.kernels.geometry import checks, hierarchy, layout, room, volumes
-from engine.kernels.geometry.distance import Separations
-from engine.kernels.geometry.hierarchy import Hierarchy
-from engine.kernels.geometry.layout import Pieces
-from engine.kernels.geometry.room import Room
+from cellwright.engine.kernels.arrays import Bytes, Floats, Longs, Truths
+from cellwright.engine.kernels.geometry import checks, hierarchy, layout, room, volumes
+from cellwright.engine.kernels.geometry.distance import Separations
+from cellwright.engine.kernels.geometry.hierarchy import Hierarchy
+from cellwright.engine.kernels.geometry.layout import Pieces
+from cellwright.engine.kernels.geometry.room import Room
 
 
 class Walk:

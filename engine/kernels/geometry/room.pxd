@@ -1,8 +1,8 @@
 # Types with which Cython compiles room.py. Its meaning is written there.
 import cython
-from engine.kernels.geometry cimport layout
-from engine.kernels.geometry.gjk cimport Cores
-from engine.kernels.geometry.layout cimport Pieces
+from cellwright.engine.kernels.geometry cimport layout
+from cellwright.engine.kernels.geometry.gjk cimport Cores
+from cellwright.engine.kernels.geometry.layout cimport Pieces
 
 @cython.final
 cdef class Room:

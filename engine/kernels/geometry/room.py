@@ -4,10 +4,10 @@
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry import layout
-from engine.kernels.geometry.gjk import Cores
-from engine.kernels.geometry.layout import Pieces
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.geometry import layout
+from cellwright.engine.kernels.geometry.gjk import Cores
+from cellwright.engine.kernels.geometry.layout import Pieces
 
 
 class Room:

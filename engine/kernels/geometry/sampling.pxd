@@ -1,10 +1,10 @@
 # Types with which Cython compiles sampling.py. Its meaning is written there.
 import cython
-from engine.kernels.geometry cimport regions, room
-from engine.kernels.geometry.hierarchy cimport Hierarchy
-from engine.kernels.geometry.layout cimport Pieces
-from engine.kernels.geometry.regions cimport Walk
-from engine.kernels.geometry.room cimport Room
+from cellwright.engine.kernels.geometry cimport regions, room
+from cellwright.engine.kernels.geometry.hierarchy cimport Hierarchy
+from cellwright.engine.kernels.geometry.layout cimport Pieces
+from cellwright.engine.kernels.geometry.regions cimport Walk
+from cellwright.engine.kernels.geometry.room cimport Room
 
 @cython.locals(
     here=Room, w=Walk, told="long long[:, ::1]", may="const unsigned char[:, ::1]", both="const long long[:, ::1]",

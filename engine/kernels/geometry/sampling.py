@@ -5,12 +5,12 @@
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths
-from engine.kernels.geometry import regions, room
-from engine.kernels.geometry.hierarchy import Hierarchy
-from engine.kernels.geometry.layout import Pieces
-from engine.kernels.geometry.regions import Walk
-from engine.kernels.geometry.room import Room
+from cellwright.engine.kernels.arrays import Floats, Longs, Truths
+from cellwright.engine.kernels.geometry import regions, room
+from cellwright.engine.kernels.geometry.hierarchy import Hierarchy
+from cellwright.engine.kernels.geometry.layout import Pieces
+from cellwright.engine.kernels.geometry.regions import Walk
+from cellwright.engine.kernels.geometry.room import Room
 
 
 def all_hits(

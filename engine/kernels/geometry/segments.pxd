@@ -1,9 +1,9 @@
 # Types with which Cython compiles segments.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport layout, vectors
-from engine.kernels.geometry.room cimport Room
-from engine.kernels.geometry.vectors cimport Triple
+from cellwright.engine.kernels.geometry cimport layout, vectors
+from cellwright.engine.kernels.geometry.room cimport Room
+from cellwright.engine.kernels.geometry.vectors cimport Triple
 
 cpdef double segment_gap(Room room, Py_ssize_t i, Py_ssize_t j) noexcept nogil
 cpdef double segment_block_gap(Room room, Py_ssize_t i, Py_ssize_t j) noexcept nogil

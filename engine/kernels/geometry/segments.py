@@ -2,9 +2,9 @@
 # cython: initializedcheck=False, cdivision=True
 """Gaps between points, segments and blocks, by formulas of their own. A piece of one or two vertices is a segment."""
 
-from engine.kernels.geometry import layout, vectors
-from engine.kernels.geometry.room import Room
-from engine.kernels.geometry.vectors import V
+from cellwright.engine.kernels.geometry import layout, vectors
+from cellwright.engine.kernels.geometry.room import Room
+from cellwright.engine.kernels.geometry.vectors import V
 
 
 def _end(room: Room, i: int, last: bool) -> V:

@@ -8,8 +8,8 @@ Elias & Wen (2022), and the distance problem, 3, is the same equation.
 
 import math
 
-from engine.kernels.geometry import angles, vectors
-from engine.kernels.geometry.vectors import V
+from cellwright.engine.kernels.geometry import angles, vectors
+from cellwright.engine.kernels.geometry.vectors import V
 
 ALONG = 1e-26  # of a vector along an axis, the part across it, squared: less is rounding
 SLACK = 1e-7  # how far beyond a limit a cosine may lie; Newton's method repairs or the residual rejects it

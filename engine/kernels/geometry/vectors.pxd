@@ -1,6 +1,6 @@
 # What vectors.py says, for Cython to copy into the modules that cimport it. Its meaning is written there.
-from engine.kernels.geometry cimport angles
-from engine.kernels.geometry.angles cimport Pair
+from cellwright.engine.kernels.geometry cimport angles
+from cellwright.engine.kernels.geometry.angles cimport Pair
 
 ctypedef (double, double, double) Triple
 

@@ -7,7 +7,7 @@ them are tested compiled and as they stand, to the last bit, which holds both to
 
 import cython
 
-from engine.kernels.geometry import angles
+from cellwright.engine.kernels.geometry import angles
 
 V = tuple[float, float, float]
 

@@ -1,8 +1,8 @@
 # Types with which Cython compiles volumes.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport layout
-from engine.kernels.geometry.room cimport Room
+from cellwright.engine.kernels.geometry cimport layout
+from cellwright.engine.kernels.geometry.room cimport Room
 
 cpdef enum:
     APART = 0

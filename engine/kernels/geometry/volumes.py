@@ -4,8 +4,8 @@
 
 import cython
 
-from engine.kernels.geometry import layout
-from engine.kernels.geometry.room import Room
+from cellwright.engine.kernels.geometry import layout
+from cellwright.engine.kernels.geometry.room import Room
 
 if not cython.compiled:  # `volumes.pxd` has these numbers, too
     APART, TOUCHING, UNDECIDED = 0, 1, 2

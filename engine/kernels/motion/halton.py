@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs
+from cellwright.engine.kernels.arrays import Floats, Longs
 
 PRIMES = 64
 

@@ -1,10 +1,10 @@
 # Types with which Cython compiles shorten.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport edges
-from engine.kernels.geometry.edges cimport Edges
-from engine.kernels.motion cimport halton
-from engine.kernels.motion.halton cimport Halton
+from cellwright.engine.kernels.geometry cimport edges
+from cellwright.engine.kernels.geometry.edges cimport Edges
+from cellwright.engine.kernels.motion cimport halton
+from cellwright.engine.kernels.motion.halton cimport Halton
 
 @cython.final
 cdef class Route:

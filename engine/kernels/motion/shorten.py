@@ -8,11 +8,11 @@ The places are quasi-random, so that the same path is always shortened in the sa
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry import edges
-from engine.kernels.geometry.edges import Edges
-from engine.kernels.motion import halton
-from engine.kernels.motion.halton import Halton
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.geometry import edges
+from cellwright.engine.kernels.geometry.edges import Edges
+from cellwright.engine.kernels.motion import halton
+from cellwright.engine.kernels.motion.halton import Halton
 
 
 class Route:

@@ -9,13 +9,19 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from engine.model.execution import Command, Fate, Reply
-from engine.pipelines.controllers.driver import ControllerDriver
-from engine.pipelines.controllers.link import Connected, Link, NoAnswer, Patience, Place
-from engine.pipelines.controllers.protocol import ANSWERS, Garbage, command_entry, hello, read_ready
-from engine.pipelines.controllers.settings import patience_of, place_of
-from engine.ports import DriverSetup
-from kb.diagnostics import InvalidInput
+from cellwright.engine.model.execution import Command, Fate, Reply
+from cellwright.engine.pipelines.controllers.driver import ControllerDriver
+from cellwright.engine.pipelines.controllers.link import Connected, Link, NoAnswer, Patience, Place
+from cellwright.engine.pipelines.controllers.protocol import (
+    ANSWERS,
+    Garbage,
+    command_entry,
+    hello,
+    read_ready,
+)
+from cellwright.engine.pipelines.controllers.settings import patience_of, place_of
+from cellwright.engine.ports import DriverSetup
+from cellwright.kb.diagnostics import InvalidInput
 
 STEPS = 3  # commands that are carried out
 

@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from engine.model.execution import Command, Fate, Message, Report, Trouble, TroubleKind
-from engine.pipelines.controllers.link import (
+from cellwright.engine.model.execution import Command, Fate, Message, Report, Trouble, TroubleKind
+from cellwright.engine.pipelines.controllers.link import (
     Broken,
     Came,
     Connected,
@@ -22,8 +22,8 @@ from engine.pipelines.controllers.link import (
     Place,
     Silence,
 )
-from engine.pipelines.controllers.pending import Pending
-from engine.pipelines.controllers.protocol import (
+from cellwright.engine.pipelines.controllers.pending import Pending
+from cellwright.engine.pipelines.controllers.protocol import (
     Garbage,
     Ready,
     command_entry,
@@ -32,9 +32,9 @@ from engine.pipelines.controllers.protocol import (
     read_reply,
     read_reports,
 )
-from engine.pipelines.controllers.settings import HINT, patience_of, place_of
-from engine.ports import DriverSetup
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.engine.pipelines.controllers.settings import HINT, patience_of, place_of
+from cellwright.engine.ports import DriverSetup
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 ATTEMPTS = 3  # for one question, each over another connection
 

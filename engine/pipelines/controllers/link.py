@@ -14,7 +14,7 @@ from concurrent import futures
 from dataclasses import dataclass
 from typing import Any
 
-from engine.pipelines.controllers.protocol import ANSWERS, LONGEST, Garbage, line, read_line
+from cellwright.engine.pipelines.controllers.protocol import ANSWERS, LONGEST, Garbage, line, read_line
 
 SILENCES = 3  # heartbeats without a line after which a controller counts as hanging
 AGAIN_S = 0.1  # between two attempts to connect

@@ -4,9 +4,18 @@ from collections.abc import Callable, Mapping, MutableSet, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report, Trouble, TroubleKind
-from engine.model.number_set import NumberSet
-from engine.pipelines.controllers.protocol import Garbage
+from cellwright.engine.model.execution import (
+    Command,
+    CommandKind,
+    Fate,
+    Message,
+    Reply,
+    Report,
+    Trouble,
+    TroubleKind,
+)
+from cellwright.engine.model.number_set import NumberSet
+from cellwright.engine.pipelines.controllers.protocol import Garbage
 
 
 @dataclass

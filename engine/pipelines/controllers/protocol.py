@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from engine.model.execution import VERSION, Command, CommandKind, Fate, Reply, Report
-from kb.json_text import parsed
+from cellwright.engine.model.execution import VERSION, Command, CommandKind, Fate, Reply, Report
+from cellwright.kb.json_text import parsed
 
 LONGEST = 16 * 1024 * 1024  # bytes of one line; more is sent in parts
 ANSWERS = {

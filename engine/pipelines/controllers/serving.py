@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from engine.model.execution import VERSION, Message, Reply
-from engine.pipelines.controllers.protocol import (
+from cellwright.engine.model.execution import VERSION, Message, Reply
+from cellwright.engine.pipelines.controllers.protocol import (
     ANSWERS,
     LONGEST,
     Garbage,
@@ -23,8 +23,8 @@ from engine.pipelines.controllers.protocol import (
     reply_entry,
     report_entry,
 )
-from engine.pipelines.simulator import Simulator, simulator
-from engine.ports import DriverSetup
+from cellwright.engine.pipelines.simulator import Simulator, simulator
+from cellwright.engine.ports import DriverSetup
 
 BEAT_S = 0.01  # how often a real clock is looked at
 NAME = "simulated cell"

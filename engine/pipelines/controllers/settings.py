@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from engine.pipelines.controllers.link import Patience, Place
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.numbers import NumberError, decimal, is_count
+from cellwright.engine.pipelines.controllers.link import Patience, Place
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.numbers import NumberError, decimal, is_count
 
 HINT = "give --option command='PROGRAM ...' or --option address=HOST:PORT"
 SETTINGS = ("command", "address", "begin", "answer", "heartbeat", "reconnect")

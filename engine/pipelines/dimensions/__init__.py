@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.fits import PARAMETERS, Cloud, Fit, Fitting, Related, Shape, Unfitted
-from engine.model.geometry import Floats
-from engine.model.ranging import Edges, RangeImage, Window
-from engine.pipelines.dimensions.limbs import without_own_limb
-from engine.stages.fitting.between import between
-from engine.stages.fitting.surfaces import fitted
-from engine.stages.vision.edges import edges_of
-from engine.stages.vision.patches import cloud_of
-from engine.stages.vision.rims import Rim, rim_of, round_rim
+from cellwright.engine.model.fits import PARAMETERS, Cloud, Fit, Fitting, Related, Shape, Unfitted
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.ranging import Edges, RangeImage, Window
+from cellwright.engine.pipelines.dimensions.limbs import without_own_limb
+from cellwright.engine.stages.fitting.between import between
+from cellwright.engine.stages.fitting.surfaces import fitted
+from cellwright.engine.stages.vision.edges import edges_of
+from cellwright.engine.stages.vision.patches import cloud_of
+from cellwright.engine.stages.vision.rims import Rim, rim_of, round_rim
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
-from engine.kernels.rigid import apply, inverse
-from engine.model.fits import Cloud, Fit, Shape
-from engine.model.ranging import Edges, RangeImage
-from engine.stages.fitting.rays import met
-from engine.stages.vision.edges import REACH
+from cellwright.engine.kernels.rigid import apply, inverse
+from cellwright.engine.model.fits import Cloud, Fit, Shape
+from cellwright.engine.model.ranging import Edges, RangeImage
+from cellwright.engine.stages.fitting.rays import met
+from cellwright.engine.stages.vision.edges import REACH
 
 ROUND = (Shape.SPHERE, Shape.CYLINDER, Shape.CONE)
 FLAT = 0.3  # cosine: a surface that is met flatter ends soon after

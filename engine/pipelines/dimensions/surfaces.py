@@ -5,21 +5,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.fits import Fit, Fitting, Shape
-from engine.model.geometry import Floats
-from engine.model.poses import MeasurementPoses
-from engine.model.ranging import Edges, RangeImage, Vague, Window
-from engine.pipelines.dimensions import Asked, dimensions
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.places import with_measured_places
-from engine.pipelines.poses import chosen_tools, known_poses, station_world
-from engine.pipelines.poses.views import eye_of, solids_before, taken, whole, window_of
-from engine.ports import GeometryBackend
-from engine.stages.geometry import transforms
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.model.cell import Cell, Measuring, Place
-from kb.model.problem import Problem
-from kb.model.ranging import Ranging
+from cellwright.engine.model.fits import Fit, Fitting, Shape
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.poses import MeasurementPoses
+from cellwright.engine.model.ranging import Edges, RangeImage, Vague, Window
+from cellwright.engine.pipelines.dimensions import Asked, dimensions
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.places import with_measured_places
+from cellwright.engine.pipelines.poses import chosen_tools, known_poses, station_world
+from cellwright.engine.pipelines.poses.views import eye_of, solids_before, taken, whole, window_of
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.model.cell import Cell, Measuring, Place
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.ranging import Ranging
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,13 +4,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from engine.pipelines.execution.compiling import unit_ms
-from kb.commands import understand
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.model.conditions import And, goal_parts
-from kb.model.problem import Problem
-from kb.syntax import ExpressionError, parse
-from kb.terms import Atom, Function, Number, Term
+from cellwright.engine.pipelines.execution.compiling import unit_ms
+from cellwright.kb.commands import understand
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.model.conditions import And, goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.syntax import ExpressionError, parse
+from cellwright.kb.terms import Atom, Function, Number, Term
 
 FACT = re.compile(r"\s*(\w+)\s*\(.*\)\s*", re.DOTALL)
 

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from engine.model.moves import LegKind, MovedStep
-from engine.pipelines.moves.arms import arms_of
-from engine.pipelines.moves.hands import Where
-from engine.pipelines.moves.meetings import Encounters
-from engine.pipelines.moves.tracks import Moment, Passage, Rider, passages_of
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.plugins import geometry_backend
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Cell
-from kb.terms import Atom, Function
+from cellwright.engine.model.moves import LegKind, MovedStep
+from cellwright.engine.pipelines.moves.arms import arms_of
+from cellwright.engine.pipelines.moves.hands import Where
+from cellwright.engine.pipelines.moves.meetings import Encounters
+from cellwright.engine.pipelines.moves.tracks import Moment, Passage, Rider, passages_of
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.terms import Atom, Function
 
 
 @dataclass(frozen=True, slots=True, eq=False)

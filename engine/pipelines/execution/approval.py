@@ -1,7 +1,7 @@
 """A run that waits, before anything moves, until a person approves its plan."""
 
-from engine.model.execution import Order, Phase, RecordKind
-from engine.pipelines.execution.course import Course
+from cellwright.engine.model.execution import Order, Phase, RecordKind
+from cellwright.engine.pipelines.execution.course import Course
 
 
 def approved(course: Course) -> bool:

@@ -8,33 +8,33 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from engine.model.execution import VERSION, Finish, Record, RecordKind
-from engine.model.outcome import Outcome
-from engine.model.schedule import Timetable
-from engine.pipelines.execution.checkpoints import past_of
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.faults import refuse_unknown, settled
-from engine.pipelines.execution.inspector import datums_first, measured_in
-from engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
-from engine.pipelines.execution.orders import Orders
-from engine.pipelines.execution.planned import Ready, first, ready
-from engine.pipelines.execution.recorder import Recorder, Watcher
-from engine.pipelines.execution.resuming import Past
-from engine.pipelines.execution.running import Execution
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.past import reading_past
-from engine.pipelines.simulation import Memory, SymbolicWorld
-from engine.pipelines.simulator.driver import fault_base
-from engine.pipelines.verdicts.spoiling import spoilt_in
-from engine.plugins import driver
-from engine.ports import DriverSetup
-from engine.stages.planning import Limits
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.problem import Problem
-from kb.store.journal import Journal, Line
+from cellwright.engine.model.execution import VERSION, Finish, Record, RecordKind
+from cellwright.engine.model.outcome import Outcome
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.pipelines.execution.checkpoints import past_of
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.faults import refuse_unknown, settled
+from cellwright.engine.pipelines.execution.inspector import datums_first, measured_in
+from cellwright.engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
+from cellwright.engine.pipelines.execution.orders import Orders
+from cellwright.engine.pipelines.execution.planned import Ready, first, ready
+from cellwright.engine.pipelines.execution.recorder import Recorder, Watcher
+from cellwright.engine.pipelines.execution.resuming import Past
+from cellwright.engine.pipelines.execution.running import Execution
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.past import reading_past
+from cellwright.engine.pipelines.simulation import Memory, SymbolicWorld
+from cellwright.engine.pipelines.simulator.driver import fault_base
+from cellwright.engine.pipelines.verdicts.spoiling import spoilt_in
+from cellwright.engine.plugins import driver
+from cellwright.engine.ports import DriverSetup
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.journal import Journal, Line
 
 if TYPE_CHECKING:
-    from engine.pipelines.execution.paths import Paths
+    from cellwright.engine.pipelines.execution.paths import Paths
 
 LOGGED = ("sim", "mujoco")  # drivers that can be where they were before, by a log
 OVER = ("reached", "partly", "aborted")  # endings after which there is nothing to resume
@@ -161,17 +161,17 @@ def followed(store: str, run: str, factor: float | None = None) -> tuple[float, 
 
 
 def _problem(target: str, goals: str, command: str) -> Problem:
-    from engine.pipelines.planning import problem_of
+    from cellwright.engine.pipelines.planning import problem_of
 
     return problem_of(target, goals, command)
 
 
 def _paths(about: Mapping[str, Any], problem: Problem, store: str) -> "Paths":
     """What the arm of a run with motion can do."""
-    from engine.pipelines.execution.paths import Paths  # it needs numpy, and most runs no geometry
-    from engine.pipelines.poses.planning import known_ways
-    from engine.plugins import geometry_backend
-    from kb.loader.cell import cell_of
+    from cellwright.engine.pipelines.execution.paths import Paths  # it needs numpy, and most runs no geometry
+    from cellwright.engine.pipelines.poses.planning import known_ways
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
 
     cell = cell_of(str(about["target"]))
     ways = known_ways(problem, cell, geometry_backend(), store)

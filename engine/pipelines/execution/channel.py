@@ -17,10 +17,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from engine.model.execution import Order, Record, RecordKind
-from engine.pipelines.execution.orders import Given
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.json_text import parsed
+from cellwright.engine.model.execution import Order, Record, RecordKind
+from cellwright.engine.pipelines.execution.orders import Given
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.json_text import parsed
 
 ASKED_S = 0.1  # how long a wait for an order is
 PATIENCE_S = 5.0

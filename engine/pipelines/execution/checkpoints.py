@@ -10,16 +10,16 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
-from engine.model.execution import Record, RecordKind
-from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.records import compiled_of, order_entry, read_atom, step_entries
-from engine.pipelines.execution.resuming import Past
-from engine.pipelines.simulation import Achievement, SymbolicWorld
-from engine.pipelines.simulation.world import achievement
-from engine.stages.execution.outlook import Accuracy
-from kb.cycles import no_search_for_cycles
-from kb.store.journal import Journal, Line
+from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.pipelines.execution.compiling import Compiled
+from cellwright.engine.pipelines.execution.progress import Progress
+from cellwright.engine.pipelines.execution.records import compiled_of, order_entry, read_atom, step_entries
+from cellwright.engine.pipelines.execution.resuming import Past
+from cellwright.engine.pipelines.simulation import Achievement, SymbolicWorld
+from cellwright.engine.pipelines.simulation.world import achievement
+from cellwright.engine.stages.execution.outlook import Accuracy
+from cellwright.kb.cycles import no_search_for_cycles
+from cellwright.kb.store.journal import Journal, Line
 
 LONG = 1_000  # steps of a plan that is written anew when a part of it is done
 PART = 3  # one of so many; all that is written so is at most twice the plan

@@ -10,19 +10,19 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.forecast import earliest_starts
-from engine.pipelines.execution.adding import is_wish
-from engine.pipelines.execution.compiling import hands_of, unit_ms
-from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
-from engine.pipelines.execution.planned import SHORT, in_windows, ready
-from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.gate import PlanGate
-from kb.model.conditions import Literal, goal_parts
-from kb.model.domain import Kind
-from kb.model.plan import Plan, Step, in_sequence
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, natural_key
+from cellwright.engine.model.forecast import earliest_starts
+from cellwright.engine.pipelines.execution.adding import is_wish
+from cellwright.engine.pipelines.execution.compiling import hands_of, unit_ms
+from cellwright.engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
+from cellwright.engine.pipelines.execution.planned import SHORT, in_windows, ready
+from cellwright.engine.pipelines.execution.progress import Progress
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.kb.model.conditions import Literal, goal_parts
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.plan import Plan, Step, in_sequence
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term, natural_key
 
 Exchange = Mapping[Term, Term]  # each term and the one in its place; it is its own reverse
 

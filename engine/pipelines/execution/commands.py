@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from fractions import Fraction
 
-from engine.model.execution import Command, CommandKind
-from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE
-from engine.pipelines.troubleshooting import Desk
-from engine.stages.execution import Activity
+from cellwright.engine.model.execution import Command, CommandKind
+from cellwright.engine.pipelines.execution.compiling import GRACE_MS, PATIENCE
+from cellwright.engine.pipelines.troubleshooting import Desk
+from cellwright.engine.stages.execution import Activity
 
 
 def command_of(number: int, activity: Activity) -> Command:

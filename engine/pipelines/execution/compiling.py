@@ -5,19 +5,19 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
 
-from engine.model.stays import Stay
-from engine.stages.execution import Activity, Dwell, Program
-from engine.stages.macros.lifted.execution import changes_of
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain, StepChange
-from engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
-from kb.model.conditions import Literal, goal_parts
-from kb.model.domain import Command, Domain, Operator
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.model.workflow import reaches
-from kb.syntax import SECONDS
-from kb.terms import Atom, Function, Term, parts_of, substitute
+from cellwright.engine.model.stays import Stay
+from cellwright.engine.stages.execution import Activity, Dwell, Program
+from cellwright.engine.stages.macros.lifted.execution import changes_of
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain, StepChange
+from cellwright.engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
+from cellwright.kb.model.conditions import Literal, goal_parts
+from cellwright.kb.model.domain import Command, Domain, Operator
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import reaches
+from cellwright.kb.syntax import SECONDS
+from cellwright.kb.terms import Atom, Function, Term, parts_of, substitute
 
 PATIENCE = 2  # a reply may take so many times the forecast
 GRACE_MS = 30_000  # and so much longer
@@ -130,7 +130,7 @@ def queued(compiled: Compiled, lookahead: Callable[[str], int]) -> Compiled:
 
 def situation_of(problem: Problem, state: Collection[Atom] | None = None) -> Situation:
     """The situation in which a problem begins."""
-    from engine.pipelines.gate import PlanGate
+    from cellwright.engine.pipelines.gate import PlanGate
 
     facts = PlanGate().semantics(problem).initial() if state is None else state
     return Situation.of(CellDomain(problem), facts)

@@ -7,7 +7,7 @@ What the table wants done, `Progress` does.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from engine.model.execution import (
+from cellwright.engine.model.execution import (
     Command,
     CommandKind,
     Message,
@@ -19,10 +19,10 @@ from engine.model.execution import (
     TroubleKind,
     Underway,
 )
-from engine.pipelines.execution.meeting import not_begun, take_in
-from engine.pipelines.execution.orders import Given
-from engine.pipelines.execution.progress import Checkpoint, Progress, Turn
-from engine.stages import execution as executive
+from cellwright.engine.pipelines.execution.meeting import not_begun, take_in
+from cellwright.engine.pipelines.execution.orders import Given
+from cellwright.engine.pipelines.execution.progress import Checkpoint, Progress, Turn
+from cellwright.engine.stages import execution as executive
 
 QUIET_MS = 1_000  # a driver may take so long to drop what is queued
 LOST = "the controller does not answer any more"

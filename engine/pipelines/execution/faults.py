@@ -4,12 +4,12 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
-from engine.pipelines.execution.planned import Ready
-from engine.pipelines.simulator import possible
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest, unknown_name
-from kb.model.faults import FaultModel
-from kb.numbers import is_count
-from kb.terms import Function
+from cellwright.engine.pipelines.execution.planned import Ready
+from cellwright.engine.pipelines.simulator import possible
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest, unknown_name
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.numbers import is_count
+from cellwright.kb.terms import Function
 
 WHERE = Source("--fault")
 

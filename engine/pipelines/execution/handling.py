@@ -3,36 +3,36 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.cases import Diagnosis, Revision
-from engine.model.execution import RecordKind
-from engine.model.outcome import Found, Infeasible
-from engine.model.troubleshooting import Action, Advice
-from engine.model.wording import counted
-from engine.pipelines.execution.commands import asking, command_of
-from engine.pipelines.execution.compiling import alone, unit_ms
-from engine.pipelines.execution.course import Course
-from engine.pipelines.execution.hands import Interruption, perform
-from engine.pipelines.execution.meeting import by_another_way, nobody_knows, rerouted, what_stopped
-from engine.pipelines.execution.planned import Ready, again, ready
-from engine.pipelines.execution.replies import exception_of, matched
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.silence import TIMEOUT, cleared_up
-from engine.pipelines.revision.remaining import left_over
-from engine.pipelines.simulation import WorldState
-from engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
-from engine.pipelines.troubleshooting.findings import Findings
-from engine.pipelines.troubleshooting.given import Moment
-from engine.pipelines.troubleshooting.recovery import recover
-from engine.pipelines.verdicts.spoiling import spoils, spoilt_in
-from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
-from engine.stages.diagnosis.session import QUESTION, run
-from engine.stages.execution import Failure
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.model.faults import FaultModel
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from cellwright.engine.model.cases import Diagnosis, Revision
+from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.model.troubleshooting import Action, Advice
+from cellwright.engine.model.wording import counted
+from cellwright.engine.pipelines.execution.commands import asking, command_of
+from cellwright.engine.pipelines.execution.compiling import alone, unit_ms
+from cellwright.engine.pipelines.execution.course import Course
+from cellwright.engine.pipelines.execution.hands import Interruption, perform
+from cellwright.engine.pipelines.execution.meeting import by_another_way, nobody_knows, rerouted, what_stopped
+from cellwright.engine.pipelines.execution.planned import Ready, again, ready
+from cellwright.engine.pipelines.execution.replies import exception_of, matched
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.execution.silence import TIMEOUT, cleared_up
+from cellwright.engine.pipelines.revision.remaining import left_over
+from cellwright.engine.pipelines.simulation import WorldState
+from cellwright.engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
+from cellwright.engine.pipelines.troubleshooting.findings import Findings
+from cellwright.engine.pipelines.troubleshooting.given import Moment
+from cellwright.engine.pipelines.troubleshooting.recovery import recover
+from cellwright.engine.pipelines.verdicts.spoiling import spoils, spoilt_in
+from cellwright.engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
+from cellwright.engine.stages.diagnosis.session import QUESTION, run
+from cellwright.engine.stages.execution import Failure
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function
 
 MOST = 3  # times that one step may fail in one way before it is not tried again
 DEPTH = 4  # cases within cases

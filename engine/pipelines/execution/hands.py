@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, replace
 
-from engine.model.execution import Command, Fate, Order, Phase, RecordKind, Trouble, TroubleKind
-from engine.pipelines.execution.course import LOST, Course
-from engine.pipelines.execution.meeting import take_in
-from engine.pipelines.execution.progress import Turn
-from engine.stages.execution.machine import TIMEOUT
-from kb.terms import Function
+from cellwright.engine.model.execution import Command, Fate, Order, Phase, RecordKind, Trouble, TroubleKind
+from cellwright.engine.pipelines.execution.course import LOST, Course
+from cellwright.engine.pipelines.execution.meeting import take_in
+from cellwright.engine.pipelines.execution.progress import Turn
+from cellwright.engine.stages.execution.machine import TIMEOUT
+from cellwright.kb.terms import Function
 
 
 @dataclass(frozen=True, slots=True)

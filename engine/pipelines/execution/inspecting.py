@@ -10,19 +10,19 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.fits import Alignment, Unaligned
-from engine.model.measurements import chooses_tools, named
-from engine.model.verdicts import Feature, Spoilt
-from engine.pipelines.execution.planned import Ready
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.measuring import Measuring
-from engine.pipelines.verdicts.lying import Lying
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.conditions import And, Condition, Exists, Literal, goal_parts
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.model.results import Measured
-from kb.terms import Atom, Function
+from cellwright.engine.model.fits import Alignment, Unaligned
+from cellwright.engine.model.measurements import chooses_tools, named
+from cellwright.engine.model.verdicts import Feature, Spoilt
+from cellwright.engine.pipelines.execution.planned import Ready
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.measuring import Measuring
+from cellwright.engine.pipelines.verdicts.lying import Lying
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.conditions import And, Condition, Exists, Literal, goal_parts
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured
+from cellwright.kb.terms import Atom, Function
 
 LOOKS = 12  # values of one datum
 HELPERS = 3  # points that a hint names
@@ -35,7 +35,7 @@ def datums_asked(problem: Problem) -> tuple[str, ...]:
         or problem.domain.conventions.alignment not in problem.domain.predicates
     ):
         return ()
-    from engine.pipelines.verdicts.lying import alignment_asked  # it needs numpy
+    from cellwright.engine.pipelines.verdicts.lying import alignment_asked  # it needs numpy
 
     return alignment_asked(problem)
 
@@ -57,8 +57,8 @@ def first_stage(ready: Ready, scope: Scope) -> tuple[Plan, Scope] | None:
 
 def _require_held(problem: Problem) -> None:
     """Refuse datums that cannot show where the part lies, however well they are measured, and name points that would help."""
-    from engine.pipelines.verdicts.lying import datum_points, datums, profiles
-    from engine.stages.fitting.alignment import holding, lacking
+    from cellwright.engine.pipelines.verdicts.lying import datum_points, datums, profiles
+    from cellwright.engine.stages.fitting.alignment import holding, lacking
 
     asked = datum_points(problem)
     planned = datums([(point, 0.0) for point in asked.values()], [1.0] * len(asked))
@@ -75,8 +75,8 @@ def _require_held(problem: Problem) -> None:
 
 def located(problem: Problem, measured: Sequence[Measured]) -> tuple[tuple[str, ...], Alignment | Unaligned]:
     """The datums, and where the part lies by their last values, or why it fits nowhere."""
-    from engine.pipelines.verdicts.lying import measured_datums
-    from engine.stages.fitting.alignment import aligned
+    from cellwright.engine.pipelines.verdicts.lying import measured_datums
+    from cellwright.engine.stages.fitting.alignment import aligned
 
     datums = measured_datums(problem, measured)
     if datums is None:
@@ -97,9 +97,9 @@ def looks_needed(problem: Problem, measured: Sequence[Measured], found: Alignmen
     """What a demand on how well the part is known (`aligned_within`) makes necessary; None if nothing is demanded, or it is met."""
     import numpy as np
 
-    from engine.pipelines.points import points, with_places
-    from engine.pipelines.verdicts.lying import aligned_within_m, measured_datums, once_m
-    from engine.stages.fitting.looks import SURE, further_looks
+    from cellwright.engine.pipelines.points import points, with_places
+    from cellwright.engine.pipelines.verdicts.lying import aligned_within_m, measured_datums, once_m
+    from cellwright.engine.stages.fitting.looks import SURE, further_looks
 
     within, datums = aligned_within_m(problem), measured_datums(problem, measured)
     places = [point.position for point in points(with_places(problem))]
@@ -118,7 +118,7 @@ def looks_needed(problem: Problem, measured: Sequence[Measured], found: Alignmen
 
 def moved(problem: Problem, lying: Lying) -> Problem:
     """The problem with its points where the part lies."""
-    from engine.pipelines.verdicts.lying import displaced
+    from cellwright.engine.pipelines.verdicts.lying import displaced
 
     return displaced(problem, lying.T)
 
@@ -129,7 +129,7 @@ def judged(
     """All features that were measured. Without any uncertainty there is nothing to judge."""
     if not any(each.uncertainty for each in measured):
         return ()
-    from engine.pipelines.verdicts.assessing import assessed
+    from cellwright.engine.pipelines.verdicts.assessing import assessed
 
     return assessed(problem, measured, lying, spoilt)
 

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from engine.model.cases import Revision
-from engine.model.execution import RecordKind
-from engine.model.fits import Alignment
-from engine.model.outcome import Found
-from engine.model.wording import counted
-from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
-from engine.pipelines.execution.inspecting import (
+from cellwright.engine.model.cases import Revision
+from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.model.fits import Alignment
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.wording import counted
+from cellwright.engine.pipelines.execution.handling import ExceptionHandler, GivesUp
+from cellwright.engine.pipelines.execution.inspecting import (
     Looks,
     datums_asked,
     facts_of,
@@ -21,19 +21,19 @@ from engine.pipelines.execution.inspecting import (
     moved,
     reopened,
 )
-from engine.pipelines.execution.planned import Ready, ready
-from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.records import read_atom
-from engine.pipelines.execution.repeating import Repeat, repeats
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.toplevel import made
-from engine.pipelines.troubleshooting.recovery import recover
-from engine.pipelines.verdicts.lying import Lying, lying_of
-from engine.pipelines.verdicts.spoiling import standing
-from engine.stages.planning import Limits
-from kb.model.problem import Problem
-from kb.model.results import Measured
-from kb.store.journal import Line
+from cellwright.engine.pipelines.execution.planned import Ready, ready
+from cellwright.engine.pipelines.execution.progress import Progress
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.engine.pipelines.execution.repeating import Repeat, repeats
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.execution.toplevel import made
+from cellwright.engine.pipelines.troubleshooting.recovery import recover
+from cellwright.engine.pipelines.verdicts.lying import Lying, lying_of
+from cellwright.engine.pipelines.verdicts.spoiling import standing
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured
+from cellwright.kb.store.journal import Line
 
 ALIGNED, AGAIN = "aligned", "again"  # reasons for another plan
 MISFIT = "not_aligned"  # the reply that the fault base knows for datums that fit nowhere

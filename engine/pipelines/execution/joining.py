@@ -8,20 +8,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from engine.pipelines.execution.compiling import unit_ms
-from engine.pipelines.execution.planned import SHORT, Ready, ready
-from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import task_for
-from engine.pipelines.revision.remaining import left_over
-from engine.pipelines.simulation import SymbolicWorld, WorldState
-from engine.pipelines.timetable import operators_of
-from engine.stages.execution import Running, Standing, standing_of
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.scheduling.blocks import Unstructured
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Chain, Problem
+from cellwright.engine.pipelines.execution.compiling import unit_ms
+from cellwright.engine.pipelines.execution.planned import SHORT, Ready, ready
+from cellwright.engine.pipelines.execution.progress import Progress
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.planning import task_for
+from cellwright.engine.pipelines.revision.remaining import left_over
+from cellwright.engine.pipelines.simulation import SymbolicWorld, WorldState
+from cellwright.engine.pipelines.timetable import operators_of
+from cellwright.engine.stages.execution import Running, Standing, standing_of
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.scheduling.blocks import Unstructured
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Chain, Problem
 
 
 @dataclass(frozen=True)

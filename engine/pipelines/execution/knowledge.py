@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from engine.pipelines.execution.records import read_atom
-from kb.model.problem import Problem
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.kb.model.problem import Problem
 
 FACTS, TIMES = "facts", "times"
 

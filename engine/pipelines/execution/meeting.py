@@ -6,15 +6,15 @@ In a run without motion nothing of this happens.
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
-from engine.model.execution import NO_MOTION, OBSTRUCTED, SEEN, RecordKind, Reply, TroubleKind
-from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.sending import refusal
-from engine.stages.planning import Limits
-from kb.model.plan import Plan
-from kb.model.problem import Problem
+from cellwright.engine.model.execution import NO_MOTION, OBSTRUCTED, SEEN, RecordKind, Reply, TroubleKind
+from cellwright.engine.pipelines.execution.progress import Progress
+from cellwright.engine.pipelines.execution.sending import refusal
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
 
 if TYPE_CHECKING:
-    from engine.pipelines.execution.paths import Rerouted
+    from cellwright.engine.pipelines.execution.paths import Rerouted
 
 
 def stand_again(course: Progress, met: Mapping[str, Any], where: Mapping[str, Any]) -> None:
@@ -45,7 +45,7 @@ def not_begun(course: Progress, numbers: Collection[int]) -> None:
 
 
 def _sees(course: Progress, reply: Reply) -> None:
-    from engine.pipelines.moves.seen import seen_in  # it needs numpy, and most runs no geometry
+    from cellwright.engine.pipelines.moves.seen import seen_in  # it needs numpy, and most runs no geometry
 
     assert course.paths is not None
     seen, unread = seen_in(reply.data, course.paths.cell)

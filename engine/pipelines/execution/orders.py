@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from engine.model.execution import Order
+from cellwright.engine.model.execution import Order
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,30 +12,30 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.cases import Revision
-from engine.model.execution import SEEN
-from engine.model.moves import MovedStep, Unmoved
-from engine.model.outcome import Found
-from engine.pipelines.attainment import GivenUp
-from engine.pipelines.execution.apart import Apart, going_home, moment_of
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.bars import told, without_blocked
-from engine.pipelines.moves.hands import Front, Where
-from engine.pipelines.moves.passing import kept_apart
-from engine.pipelines.moves.planning import MOST_BARS, with_times
-from engine.pipelines.moves.recognising import at_places, putting
-from engine.pipelines.moves.seen import Seen, seen_in, with_seen
-from engine.pipelines.moves.walking import Walk, Ways, operation_of
-from engine.pipelines.revision.observing import corrected
-from engine.pipelines.simulation import Dynamics
-from engine.pipelines.troubleshooting.recovery import recover
-from engine.plugins import geometry_backend
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.model.cell import Cell
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from cellwright.engine.model.cases import Revision
+from cellwright.engine.model.execution import SEEN
+from cellwright.engine.model.moves import MovedStep, Unmoved
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.attainment import GivenUp
+from cellwright.engine.pipelines.execution.apart import Apart, going_home, moment_of
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.bars import told, without_blocked
+from cellwright.engine.pipelines.moves.hands import Front, Where
+from cellwright.engine.pipelines.moves.passing import kept_apart
+from cellwright.engine.pipelines.moves.planning import MOST_BARS, with_times
+from cellwright.engine.pipelines.moves.recognising import at_places, putting
+from cellwright.engine.pipelines.moves.seen import Seen, seen_in, with_seen
+from cellwright.engine.pipelines.moves.walking import Walk, Ways, operation_of
+from cellwright.engine.pipelines.revision.observing import corrected
+from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.engine.pipelines.troubleshooting.recovery import recover
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function
 
 Facts = frozenset[Atom]
 

@@ -4,32 +4,32 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.cases import Revision
-from engine.model.execution import Order, Phase, RecordKind
-from engine.model.outcome import Found
-from engine.pipelines.execution.adding import addition, extended
-from engine.pipelines.execution.choosing import others
-from engine.pipelines.execution.compiling import full_hands, unit_ms
-from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
-from engine.pipelines.execution.orders import Given
-from engine.pipelines.execution.planned import Ready, again
-from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.revision.observing import corrected, read_facts
-from engine.pipelines.revision.remaining import left_over
-from engine.pipelines.simulation import Dynamics, WorldState
-from engine.pipelines.timetable import from_then_on
-from engine.pipelines.timetable.kept import lateness
-from engine.pipelines.timetable.wishes import wishes_for
-from engine.pipelines.troubleshooting.recovery import recover
-from engine.ports import Simulated
-from engine.stages.macros.lifted.world import StepChange
-from engine.stages.planning import Limits
-from engine.stages.validation.changes import State
-from kb.diagnostics import InvalidInput
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Atom, ordered
+from cellwright.engine.model.cases import Revision
+from cellwright.engine.model.execution import Order, Phase, RecordKind
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.execution.adding import addition, extended
+from cellwright.engine.pipelines.execution.choosing import others
+from cellwright.engine.pipelines.execution.compiling import full_hands, unit_ms
+from cellwright.engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
+from cellwright.engine.pipelines.execution.orders import Given
+from cellwright.engine.pipelines.execution.planned import Ready, again
+from cellwright.engine.pipelines.execution.progress import Progress
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.revision.observing import corrected, read_facts
+from cellwright.engine.pipelines.revision.remaining import left_over
+from cellwright.engine.pipelines.simulation import Dynamics, WorldState
+from cellwright.engine.pipelines.timetable import from_then_on
+from cellwright.engine.pipelines.timetable.kept import lateness
+from cellwright.engine.pipelines.timetable.wishes import wishes_for
+from cellwright.engine.pipelines.troubleshooting.recovery import recover
+from cellwright.engine.ports import Simulated
+from cellwright.engine.stages.macros.lifted.world import StepChange
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation.changes import State
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Atom, ordered
 
 RESUME = "resume"  # the origin of the order to plan on that a run gives itself when it is taken up after a safe stop
 PARTS = 6  # of equal things that are tried for one that is due

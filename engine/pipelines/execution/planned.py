@@ -3,22 +3,22 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from engine.model.outcome import Found, Outcome
-from engine.model.schedule import Timetable
-from engine.model.windows import begun, outside
-from engine.pipelines.execution.compiling import Compiled, compiled, situation_of, unit_ms
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import task_for
-from engine.pipelines.stays import stays_of
-from engine.pipelines.timetable import from_then_on, timed
-from engine.pipelines.timetable.kept import kept
-from engine.pipelines.timetable.wishes import wishes_for
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.planning import Limits
-from engine.stages.scheduling import ScheduleLimits
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Term
+from cellwright.engine.model.outcome import Found, Outcome
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.model.windows import begun, outside
+from cellwright.engine.pipelines.execution.compiling import Compiled, compiled, situation_of, unit_ms
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.planning import task_for
+from cellwright.engine.pipelines.stays import stays_of
+from cellwright.engine.pipelines.timetable import from_then_on, timed
+from cellwright.engine.pipelines.timetable.kept import kept
+from cellwright.engine.pipelines.timetable.wishes import wishes_for
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.scheduling import ScheduleLimits
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Term
 
 WORK = 1.0  # of the scheduler for a recovery, about seconds of one core
 SHORT = 120  # steps of a recovery that are scheduled anew; longer ones keep their order
@@ -50,7 +50,7 @@ def first(
 
     What is learned of plans is kept in `store`, if one is given.
     """
-    from engine.pipelines.execution.toplevel import made
+    from cellwright.engine.pipelines.execution.toplevel import made
 
     found = made(problem, limits, store, outcome)
     if not isinstance(found.outcome, Found):
@@ -113,7 +113,7 @@ def ready(
     since: Since = NOTHING,
 ) -> Ready:
     """The program of a plan with its forecast; without `starts`, every step is as early as the plan's order allows."""
-    from engine.model.forecast import earliest_starts
+    from cellwright.engine.model.forecast import earliest_starts
 
     times = dict(starts) if starts is not None else earliest_starts(plan)
     begin = here or situation_of(problem)

@@ -5,30 +5,38 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from engine.model.execution import NO_MOTION, Command, CommandKind, Phase, RecordKind, Reply, RunState
-from engine.model.number_set import NumberSet
-from engine.model.verdicts import Spoilt
-from engine.pipelines.execution.commands import command_of
-from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.orders import Given, Orders
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.replies import Replies
-from engine.pipelines.execution.sending import arms, lasting, refusal
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.measuring import Measuring
-from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
-from engine.pipelines.simulation.world import achievement
-from engine.ports import Driver
-from engine.stages import execution as executive
-from engine.stages.execution import Failure, Standing
-from engine.stages.execution.outlook import Accuracy
-from engine.stages.macros.lifted.world import StepChange
-from kb.model.plan import Plan
-from kb.model.results import Measured
-from kb.terms import Atom
+from cellwright.engine.model.execution import (
+    NO_MOTION,
+    Command,
+    CommandKind,
+    Phase,
+    RecordKind,
+    Reply,
+    RunState,
+)
+from cellwright.engine.model.number_set import NumberSet
+from cellwright.engine.model.verdicts import Spoilt
+from cellwright.engine.pipelines.execution.commands import command_of
+from cellwright.engine.pipelines.execution.compiling import Compiled
+from cellwright.engine.pipelines.execution.orders import Given, Orders
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.execution.replies import Replies
+from cellwright.engine.pipelines.execution.sending import arms, lasting, refusal
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.measuring import Measuring
+from cellwright.engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
+from cellwright.engine.pipelines.simulation.world import achievement
+from cellwright.engine.ports import Driver
+from cellwright.engine.stages import execution as executive
+from cellwright.engine.stages.execution import Failure, Standing
+from cellwright.engine.stages.execution.outlook import Accuracy
+from cellwright.engine.stages.macros.lifted.world import StepChange
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.results import Measured
+from cellwright.kb.terms import Atom
 
 if TYPE_CHECKING:
-    from engine.pipelines.execution.paths import Paths
+    from cellwright.engine.pipelines.execution.paths import Paths
 
 PLACED = (CommandKind.STEP, CommandKind.TEST, CommandKind.REPAIR)  # commands that may move along the part
 EVERY = 5_000  # records from one checkpoint to the next

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from engine.model.execution import Record, RecordKind
+from cellwright.engine.model.execution import Record, RecordKind
 
 Watcher = Callable[[Record], None]
 

@@ -5,22 +5,22 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
-from engine.model.cases import Revision
-from engine.model.execution import Finish
-from engine.pipelines.attainment import GivenUp
-from engine.pipelines.execution.adding import wished
-from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.planned import Ready
-from engine.pipelines.execution.scope import Scope
-from engine.stages.execution import Activity, Dwell, Program, Standing
-from engine.stages.execution.outlook import Accuracy, outlook
-from engine.stages.macros.lifted.world import StepChange
-from kb.asp import ground_term
-from kb.model.conditions import goal_parts
-from kb.model.plan import Plan, Step, StepId
-from kb.store.notation import read_atom as read_pattern
-from kb.store.notation import read_term
-from kb.terms import Function
+from cellwright.engine.model.cases import Revision
+from cellwright.engine.model.execution import Finish
+from cellwright.engine.pipelines.attainment import GivenUp
+from cellwright.engine.pipelines.execution.adding import wished
+from cellwright.engine.pipelines.execution.compiling import Compiled
+from cellwright.engine.pipelines.execution.planned import Ready
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.stages.execution import Activity, Dwell, Program, Standing
+from cellwright.engine.stages.execution.outlook import Accuracy, outlook
+from cellwright.engine.stages.macros.lifted.world import StepChange
+from cellwright.kb.asp import ground_term
+from cellwright.kb.model.conditions import goal_parts
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.store.notation import read_atom as read_pattern
+from cellwright.kb.store.notation import read_term
+from cellwright.kb.terms import Function
 
 NOTHING: Mapping[int, int] = {}
 Each = TypeVar("Each")

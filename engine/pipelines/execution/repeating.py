@@ -4,16 +4,16 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from engine.model.outcome import Found
-from engine.model.verdicts import Feature
-from engine.pipelines.execution.inspecting import reopened
-from engine.pipelines.execution.toplevel import made
-from engine.pipelines.verdicts.offers import Offer, offers
-from engine.pipelines.verdicts.worth import chance_of_decision
-from engine.stages.planning import Limits
-from kb.model.conformity import COVERAGE, Conformity
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.verdicts import Feature
+from cellwright.engine.pipelines.execution.inspecting import reopened
+from cellwright.engine.pipelines.execution.toplevel import made
+from cellwright.engine.pipelines.verdicts.offers import Offer, offers
+from cellwright.engine.pipelines.verdicts.worth import chance_of_decision
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.conformity import COVERAGE, Conformity
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 MOST = 5  # values of one feature
 PORTIONS = (1.0, 0.5, 0.25, 0.1)  # of those that could be decided, which are planned together

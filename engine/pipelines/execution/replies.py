@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 
-from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.records import read_atom
-from kb.asp import AspError, ground_term
-from kb.model.faults import FaultModel
-from kb.terms import Function, Term, Variable, is_ground, match, substitute
+from cellwright.engine.pipelines.execution.compiling import Compiled
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.terms import Function, Term, Variable, is_ground, match, substitute
 
 
 class Replies:

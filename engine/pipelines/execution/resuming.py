@@ -8,21 +8,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from engine.model.execution import Order, Phase, Record, RecordKind
-from engine.model.number_set import NumberSet
-from engine.model.verdicts import Spoilt
-from engine.pipelines.execution.adding import addition, extended
-from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.inspector import ALIGNED, there
-from engine.pipelines.execution.progress import Written, head_of
-from engine.pipelines.execution.records import activity_of, read_atom, scope_of
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
-from engine.pipelines.simulation.world import achievement
-from engine.stages.execution import unrested_after
-from engine.stages.execution.outlook import Accuracy
-from kb.model.results import Measured
-from kb.terms import Atom
+from cellwright.engine.model.execution import Order, Phase, Record, RecordKind
+from cellwright.engine.model.number_set import NumberSet
+from cellwright.engine.model.verdicts import Spoilt
+from cellwright.engine.pipelines.execution.adding import addition, extended
+from cellwright.engine.pipelines.execution.compiling import Compiled
+from cellwright.engine.pipelines.execution.inspector import ALIGNED, there
+from cellwright.engine.pipelines.execution.progress import Written, head_of
+from cellwright.engine.pipelines.execution.records import activity_of, read_atom, scope_of
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.simulation import Achievement, Memory, SymbolicWorld
+from cellwright.engine.pipelines.simulation.world import achievement
+from cellwright.engine.stages.execution import unrested_after
+from cellwright.engine.stages.execution.outlook import Accuracy
+from cellwright.kb.model.results import Measured
+from cellwright.kb.terms import Atom
 
 Content = Mapping[str, Any]
 REPEATED = (  # what a case notes in the same order whenever it is taken up again

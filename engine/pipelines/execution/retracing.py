@@ -12,23 +12,23 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.execution import OBSTRUCTED, SEEN, Record, RecordKind
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.records import read_atom
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.hands import Where
-from engine.pipelines.moves.seen import seen_in, with_seen
-from engine.pipelines.moves.steps import guide_value
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.ports import GeometryBackend
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Cell
-from kb.model.plan import Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.model.execution import OBSTRUCTED, SEEN, Record, RecordKind
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep, Unmoved
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.hands import Where
+from cellwright.engine.pipelines.moves.seen import seen_in, with_seen
+from cellwright.engine.pipelines.moves.steps import guide_value
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 KEPT = 64  # worlds, each for other facts
 

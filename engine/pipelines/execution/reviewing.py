@@ -8,28 +8,28 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from engine.model.cases import Revision
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.execution.choosing import Choice, busy, choices
-from engine.pipelines.execution.compiling import unit_ms
-from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
-from engine.pipelines.execution.planned import SHORT, Ready, again, in_windows, ready
-from engine.pipelines.execution.progress import Progress
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.planning import task_for
-from engine.pipelines.simulation import Dynamics, WorldState
-from engine.pipelines.timetable import keeping, operators_of
-from engine.pipelines.troubleshooting.recovery import recover
-from engine.stages.execution import Program, Standing
-from engine.stages.execution.outlook import in_order
-from engine.stages.planning import Limits
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.scheduling.blocks import Unstructured
-from kb.diagnostics import InvalidInput
-from kb.model.conditions import And, Literal
-from kb.model.plan import Plan, Step, StepId, in_sequence
-from kb.model.problem import Problem
+from cellwright.engine.model.cases import Revision
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.execution.choosing import Choice, busy, choices
+from cellwright.engine.pipelines.execution.compiling import unit_ms
+from cellwright.engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
+from cellwright.engine.pipelines.execution.planned import SHORT, Ready, again, in_windows, ready
+from cellwright.engine.pipelines.execution.progress import Progress
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.planning import task_for
+from cellwright.engine.pipelines.simulation import Dynamics, WorldState
+from cellwright.engine.pipelines.timetable import keeping, operators_of
+from cellwright.engine.pipelines.troubleshooting.recovery import recover
+from cellwright.engine.stages.execution import Program, Standing
+from cellwright.engine.stages.execution.outlook import in_order
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.scheduling.blocks import Unstructured
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.plan import Plan, Step, StepId, in_sequence
+from cellwright.kb.model.problem import Problem
 
 PAYS_MS = 10_000  # by which another plan has to be done sooner
 SHARE = 50  # or this part of what is left, if that is more

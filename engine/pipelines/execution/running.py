@@ -3,39 +3,39 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from engine.model.execution import Finish, Order, Phase, RecordKind
-from engine.pipelines.execution.adding import addition, extended, wished
-from engine.pipelines.execution.approval import approved
-from engine.pipelines.execution.checkpoints import rest_of, state_of
-from engine.pipelines.execution.compiling import Compiled, full_hands, queued
-from engine.pipelines.execution.course import Course
-from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
-from engine.pipelines.execution.hands import Ended
-from engine.pipelines.execution.inspector import ALIGNED, Inspector
-from engine.pipelines.execution.meeting import stand_again
-from engine.pipelines.execution.orders import Given, Orders
-from engine.pipelines.execution.pauses import RESUME, Refused, changed
-from engine.pipelines.execution.planned import Ready
-from engine.pipelines.execution.progress import EVERY, Checkpoint, Turn
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import end_entry, plan_entry, read_atom, standing_entry
-from engine.pipelines.execution.resuming import Past
-from engine.pipelines.execution.reviewing import chosen, reviewed
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.settling import left_out, restore, settle, taken_up
-from engine.pipelines.measuring import Measuring
-from engine.pipelines.revision.remaining import left_over
-from engine.pipelines.simulation import Memory, SymbolicWorld
-from engine.ports import Driver
-from engine.stages.execution import Standing, standing_of
-from engine.stages.planning import Limits
-from kb.model.faults import FaultModel
-from kb.model.plan import StepId
-from kb.model.problem import Problem
-from kb.store.journal import JournalFailure
+from cellwright.engine.model.execution import Finish, Order, Phase, RecordKind
+from cellwright.engine.pipelines.execution.adding import addition, extended, wished
+from cellwright.engine.pipelines.execution.approval import approved
+from cellwright.engine.pipelines.execution.checkpoints import rest_of, state_of
+from cellwright.engine.pipelines.execution.compiling import Compiled, full_hands, queued
+from cellwright.engine.pipelines.execution.course import Course
+from cellwright.engine.pipelines.execution.handling import ExceptionHandler, GivesUp
+from cellwright.engine.pipelines.execution.hands import Ended
+from cellwright.engine.pipelines.execution.inspector import ALIGNED, Inspector
+from cellwright.engine.pipelines.execution.meeting import stand_again
+from cellwright.engine.pipelines.execution.orders import Given, Orders
+from cellwright.engine.pipelines.execution.pauses import RESUME, Refused, changed
+from cellwright.engine.pipelines.execution.planned import Ready
+from cellwright.engine.pipelines.execution.progress import EVERY, Checkpoint, Turn
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.execution.records import end_entry, plan_entry, read_atom, standing_entry
+from cellwright.engine.pipelines.execution.resuming import Past
+from cellwright.engine.pipelines.execution.reviewing import chosen, reviewed
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.execution.settling import left_out, restore, settle, taken_up
+from cellwright.engine.pipelines.measuring import Measuring
+from cellwright.engine.pipelines.revision.remaining import left_over
+from cellwright.engine.pipelines.simulation import Memory, SymbolicWorld
+from cellwright.engine.ports import Driver
+from cellwright.engine.stages.execution import Standing, standing_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.model.plan import StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.journal import JournalFailure
 
 if TYPE_CHECKING:
-    from engine.pipelines.execution.paths import Paths
+    from cellwright.engine.pipelines.execution.paths import Paths
 
 REACHED, PARTLY, STOPPED, ABORTED, PAUSED = "reached", "partly", "stopped", "aborted", "paused"
 

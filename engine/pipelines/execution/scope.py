@@ -3,18 +3,18 @@
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from engine.model.cases import Revision
-from engine.pipelines.attainment import GivenUp
-from engine.pipelines.barring import barred
-from engine.pipelines.each import for_each
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.revision.remaining import remaining
-from engine.pipelines.simulation import WorldState
-from engine.stages.validation.datalog import holds
-from kb.model.conditions import TRUE, And, Condition, goal_parts
-from kb.model.problem import Problem
-from kb.model.workflow import finished
-from kb.terms import Atom
+from cellwright.engine.model.cases import Revision
+from cellwright.engine.pipelines.attainment import GivenUp
+from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.each import for_each
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.revision.remaining import remaining
+from cellwright.engine.pipelines.simulation import WorldState
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.kb.model.conditions import TRUE, And, Condition, goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import finished
+from cellwright.kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,14 +4,14 @@ from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.records import read_atom
-from engine.stages.execution import Activity, Standing
-from engine.stages.macros.lifted.world import StepChange
-from kb.terms import Atom
+from cellwright.engine.pipelines.execution.compiling import Compiled
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.engine.stages.execution import Activity, Standing
+from cellwright.engine.stages.macros.lifted.world import StepChange
+from cellwright.kb.terms import Atom
 
 if TYPE_CHECKING:
-    from engine.pipelines.execution.paths import Paths
+    from cellwright.engine.pipelines.execution.paths import Paths
 
 
 def refusal(

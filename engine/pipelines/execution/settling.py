@@ -3,16 +3,16 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from engine.model.execution import Command, CommandKind, Fate, Phase, Reply, Report
-from engine.model.number_set import NumberSet
-from engine.pipelines.execution.compiling import Compiled, queued
-from engine.pipelines.execution.course import Course
-from engine.pipelines.execution.records import compiled_of
-from engine.pipelines.execution.resuming import Content, Past
-from engine.ports import Driver, Simulated
-from engine.stages import execution as executive
-from engine.stages.execution import Running, Standing, standing_of
-from kb.cycles import no_search_for_cycles
+from cellwright.engine.model.execution import Command, CommandKind, Fate, Phase, Reply, Report
+from cellwright.engine.model.number_set import NumberSet
+from cellwright.engine.pipelines.execution.compiling import Compiled, queued
+from cellwright.engine.pipelines.execution.course import Course
+from cellwright.engine.pipelines.execution.records import compiled_of
+from cellwright.engine.pipelines.execution.resuming import Content, Past
+from cellwright.engine.ports import Driver, Simulated
+from cellwright.engine.stages import execution as executive
+from cellwright.engine.stages.execution import Running, Standing, standing_of
+from cellwright.kb.cycles import no_search_for_cycles
 
 
 def settle(course: Course, past: Past) -> None:

@@ -6,10 +6,10 @@ done, and the step is taken again. If it does not know more, the fault base is n
 
 from typing import Any
 
-from engine.model.execution import Fate, RecordKind, Reply
-from engine.pipelines.execution.course import Course
-from engine.stages import execution as executive
-from kb.terms import Function
+from cellwright.engine.model.execution import Fate, RecordKind, Reply
+from cellwright.engine.pipelines.execution.course import Course
+from cellwright.engine.stages import execution as executive
+from cellwright.kb.terms import Function
 
 TIMEOUT = executive.TIMEOUT
 ASKED = "the controller is asked"

@@ -8,15 +8,15 @@ it needs. So a cell of another kind needs no code: it names other tools, or puts
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from engine.model.outcome import Found, GaveUp, Outcome
-from engine.model.task import Task
-from engine.pipelines import objective
-from engine.pipelines.planning import planned
-from engine.pipelines.reuse import Practice
-from engine.stages.planning import Limits
-from kb.model.plan import StepId
-from kb.model.problem import Problem
-from kb.store import Library
+from cellwright.engine.model.outcome import Found, GaveUp, Outcome
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines import objective
+from cellwright.engine.pipelines.planning import planned
+from cellwright.engine.pipelines.reuse import Practice
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.plan import StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library
 
 PLAN, TIMETABLE = "a plan", "a timetable"
 SHORT = 40  # letters of the name of a MACROP that are told whole

@@ -6,25 +6,25 @@ Each change is proved by a plan for the changed problem.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.explanation import Amendment, Explanation
-from engine.model.outcome import Found, Infeasible, Outcome
-from engine.model.task import Task
-from engine.model.wording import counted
-from engine.pipelines import planning
-from engine.pipelines.explanation.advice import Advice
-from engine.pipelines.explanation.amendments import changed
-from engine.pipelines.explanation.companions import companions
-from engine.pipelines.explanation.conflicts import conflicts
-from engine.pipelines.explanation.culprits import Goal, exclusions, minimal_goals, only
-from engine.pipelines.explanation.gaps import gaps
-from engine.pipelines.explanation.ranges import out_of_range
-from engine.pipelines.explanation.space import Space
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.model.plan import GOAL, Plan, StepId
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.model.explanation import Amendment, Explanation
+from cellwright.engine.model.outcome import Found, Infeasible, Outcome
+from cellwright.engine.model.task import Task
+from cellwright.engine.model.wording import counted
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation.advice import Advice
+from cellwright.engine.pipelines.explanation.amendments import changed
+from cellwright.engine.pipelines.explanation.companions import companions
+from cellwright.engine.pipelines.explanation.conflicts import conflicts
+from cellwright.engine.pipelines.explanation.culprits import Goal, exclusions, minimal_goals, only
+from cellwright.engine.pipelines.explanation.gaps import gaps
+from cellwright.engine.pipelines.explanation.ranges import out_of_range
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.plan import GOAL, Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 __all__ = ["changed", "explain"]
 

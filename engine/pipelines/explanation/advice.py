@@ -6,16 +6,16 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.model.explanation import Amendment, Edit
-from engine.model.outcome import Found, GaveUp, Outcome
-from engine.pipelines.explanation.alike import Alike
-from engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, changed
-from engine.pipelines.explanation.candidates import Candidate, joint_edits, single_edits
-from engine.pipelines.explanation.space import Space
-from kb.asp.statics import evaluated
-from kb.model.conditions import Exists, Literal, goal_parts
-from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Number, Term, match, parts_of, substitute_atom
+from cellwright.engine.model.explanation import Amendment, Edit
+from cellwright.engine.model.outcome import Found, GaveUp, Outcome
+from cellwright.engine.pipelines.explanation.alike import Alike
+from cellwright.engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, changed
+from cellwright.engine.pipelines.explanation.candidates import Candidate, joint_edits, single_edits
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.model.conditions import Exists, Literal, goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ANYTHING, Atom, Number, Term, match, parts_of, substitute_atom
 
 MAX_SIZE = 3  # facts in one change
 MAX_TRIALS = 1_000  # single facts planned with

@@ -9,10 +9,10 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 
-from engine.model.explanation import Edit
-from engine.pipelines.explanation.amendments import subterms
-from engine.pipelines.explanation.space import Space
-from kb.terms import ANYTHING, Atom, Function, Term, exchanged
+from cellwright.engine.model.explanation import Edit
+from cellwright.engine.pipelines.explanation.amendments import subterms
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.kb.terms import ANYTHING, Atom, Function, Term, exchanged
 
 MOST = 2_000_000  # facts times pairs of objects; above this nothing is looked for
 IMAGES = 500  # of one edit

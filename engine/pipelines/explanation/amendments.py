@@ -3,12 +3,12 @@
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 
-from engine.model.explanation import Amendment, Edit
-from kb.asp import Grounder
-from kb.model.conditions import And, goal_parts
-from kb.model.domain import Domain
-from kb.model.problem import Chain, Problem
-from kb.terms import Atom, Function, Term
+from cellwright.engine.model.explanation import Amendment, Edit
+from cellwright.kb.asp import Grounder
+from cellwright.kb.model.conditions import And, goal_parts
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import Atom, Function, Term
 
 STATIC, INITIAL, OBJECT = "static", "initial", "object"
 

@@ -2,10 +2,10 @@
 
 from functools import cached_property
 
-from engine.pipelines.explanation.space import names
-from engine.stages.grounding.need import relevance
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.pipelines.explanation.space import names
+from cellwright.engine.stages.grounding.need import relevance
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 
 class Bearing:

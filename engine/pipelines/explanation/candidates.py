@@ -8,18 +8,24 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 
-from engine.model.explanation import Edit
-from engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, subterms
-from engine.pipelines.explanation.bearing import Bearing
-from engine.pipelines.explanation.relaxation import LOOSENED, MISSED, denials, new_defaults, relaxed_rules
-from engine.pipelines.explanation.space import Space
-from engine.stages.grounding.program import reachable
-from kb.asp.models import models
-from kb.asp.trial import affordable
-from kb.asp.vocabulary import VIOLATED, static_program
-from kb.model.domain import Domain, Kind
-from kb.model.statement import Signature
-from kb.terms import ANYTHING, Atom, Function, Term, Variable
+from cellwright.engine.model.explanation import Edit
+from cellwright.engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, subterms
+from cellwright.engine.pipelines.explanation.bearing import Bearing
+from cellwright.engine.pipelines.explanation.relaxation import (
+    LOOSENED,
+    MISSED,
+    denials,
+    new_defaults,
+    relaxed_rules,
+)
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.stages.grounding.program import reachable
+from cellwright.kb.asp.models import models
+from cellwright.kb.asp.trial import affordable
+from cellwright.kb.asp.vocabulary import VIOLATED, static_program
+from cellwright.kb.model.domain import Domain, Kind
+from cellwright.kb.model.statement import Signature
+from cellwright.kb.terms import ANYTHING, Atom, Function, Term, Variable
 
 MAX_CHOICES = 30_000  # ways to fill the arguments of one predicate
 SUSPICIOUS = 1_000  # more than so many are first grounded on trial

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from engine.stages.validation.datalog import solve
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import (
+from cellwright.engine.stages.validation.datalog import solve
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import (
     Body,
     BodyPart,
     Comparison,
@@ -15,8 +15,17 @@ from kb.model.conditions import (
     goal_parts,
     substitute_part,
 )
-from kb.model.domain import NUMERIC_TYPES, Effect, Kind, Operator
-from kb.terms import Atom, Function, Substitution, Term, Variable, is_ground, match, substitute_atom
+from cellwright.kb.model.domain import NUMERIC_TYPES, Effect, Kind, Operator
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Substitution,
+    Term,
+    Variable,
+    is_ground,
+    match,
+    substitute_atom,
+)
 
 
 @dataclass(frozen=True, slots=True)

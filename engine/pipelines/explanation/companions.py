@@ -8,17 +8,17 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.explanation import Amendment
-from engine.model.outcome import Found, Outcome
-from engine.pipelines.explanation.amendments import changed
-from engine.pipelines.explanation.causes import causes, happening
-from engine.pipelines.explanation.culprits import Goal
-from engine.pipelines.explanation.space import Space
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import And, Comparison, Condition, Exists, ForAll, Literal, Not, Or
-from kb.model.plan import Plan
-from kb.model.problem import Chain, Problem
-from kb.terms import Atom, Number, parts_of, substitute_atom, variables
+from cellwright.engine.model.explanation import Amendment
+from cellwright.engine.model.outcome import Found, Outcome
+from cellwright.engine.pipelines.explanation.amendments import changed
+from cellwright.engine.pipelines.explanation.causes import causes, happening
+from cellwright.engine.pipelines.explanation.culprits import Goal
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import And, Comparison, Condition, Exists, ForAll, Literal, Not, Or
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import Atom, Number, parts_of, substitute_atom, variables
 
 MOST = 60  # changes that are planned with, for each size
 ENOUGH = 3

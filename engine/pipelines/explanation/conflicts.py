@@ -4,13 +4,13 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from engine.pipelines.explanation.causes import Cause, causes, company
-from engine.pipelines.explanation.culprits import Goal, only
-from engine.pipelines.explanation.space import Space
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import And, BodyPart, Literal
-from kb.model.problem import Problem
-from kb.terms import Atom, parts_of
+from cellwright.engine.pipelines.explanation.causes import Cause, causes, company
+from cellwright.engine.pipelines.explanation.culprits import Goal, only
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import And, BodyPart, Literal
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, parts_of
 
 FEW = 3  # steps that would reach a goal; of more of them, nobody wants to read each reason
 MOST_NEEDS = 24

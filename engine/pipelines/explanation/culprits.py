@@ -3,11 +3,11 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from engine.pipelines.explanation.amendments import chain_text, without_chains
-from engine.stages.grounding import ground
-from kb.model.conditions import And, Condition, goal_parts
-from kb.model.problem import Problem
-from kb.model.workflow import allowed
+from cellwright.engine.pipelines.explanation.amendments import chain_text, without_chains
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.model.conditions import And, Condition, goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import allowed
 
 Infeasible = Callable[[Problem], bool | None]  # None if it is not decided
 

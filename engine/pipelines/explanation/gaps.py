@@ -4,12 +4,12 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from engine.pipelines.explanation.causes import causes, plain
-from engine.pipelines.explanation.space import Space
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import Literal
-from kb.model.problem import Problem
-from kb.terms import Atom, parts_of
+from cellwright.engine.pipelines.explanation.causes import causes, plain
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, parts_of
 
 MOST_INSTANCES, MOST_ATOMS = 200, 300
 

@@ -7,12 +7,12 @@ A step that breaks a comparison among the goals is of no use if nothing moves th
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from engine.stages.grounding.numeric import Quantities, Setting, Test
-from engine.stages.grounding.program import Schema, Vocabulary, is_conditional, reachable, rule
-from kb.asp.vocabulary import guard
-from kb.model.conditions import Body, Comparison, Literal
-from kb.model.domain import UNLISTED
-from kb.terms import (
+from cellwright.engine.stages.grounding.numeric import Quantities, Setting, Test
+from cellwright.engine.stages.grounding.program import Schema, Vocabulary, is_conditional, reachable, rule
+from cellwright.kb.asp.vocabulary import guard
+from cellwright.kb.model.conditions import Body, Comparison, Literal
+from cellwright.kb.model.domain import UNLISTED
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Function,

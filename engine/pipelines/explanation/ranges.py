@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from engine.model.quantities import UNBOUNDED, never
-from engine.pipelines.explanation.culprits import Goal, only
-from engine.stages.grounding.numeric import COMPARED, Quantities, without_quantities
-from kb.model.conditions import Comparison, Condition, Literal, goal_parts
-from kb.model.domain import Domain, Operator, Quantity
-from kb.model.problem import Problem
-from kb.terms import (
+from cellwright.engine.model.quantities import UNBOUNDED, never
+from cellwright.engine.pipelines.explanation.culprits import Goal, only
+from cellwright.engine.stages.grounding.numeric import COMPARED, Quantities, without_quantities
+from cellwright.kb.model.conditions import Comparison, Condition, Literal, goal_parts
+from cellwright.kb.model.domain import Domain, Operator, Quantity
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Function,

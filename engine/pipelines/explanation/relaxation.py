@@ -6,7 +6,7 @@ Static rules are evaluated exactly; only what changes is relaxed.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from engine.pipelines.explanation.measures import (
+from cellwright.engine.pipelines.explanation.measures import (
     Kept,
     changes,
     keeping,
@@ -17,9 +17,9 @@ from engine.pipelines.explanation.measures import (
     starts,
     tests_in,
 )
-from engine.stages.grounding.aggregates import expanded
-from engine.stages.grounding.numeric import Quantities, without_quantities
-from engine.stages.grounding.program import (
+from cellwright.engine.stages.grounding.aggregates import expanded
+from cellwright.engine.stages.grounding.numeric import Quantities, without_quantities
+from cellwright.engine.stages.grounding.program import (
     Conditional,
     Schema,
     Vocabulary,
@@ -37,12 +37,12 @@ from engine.stages.grounding.program import (
     rule,
     schemas,
 )
-from kb.asp.vocabulary import guard
-from kb.model.conditions import Body, Literal, goal_parts
-from kb.model.domain import Domain
-from kb.model.normalise import Normaliser
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, parts_of
+from cellwright.kb.asp.vocabulary import guard
+from cellwright.kb.model.conditions import Body, Literal, goal_parts
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.normalise import Normaliser
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, parts_of
 
 MISSED = "_missed"
 LOOSENED = "_loosened"

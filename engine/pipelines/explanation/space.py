@@ -5,18 +5,32 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 
-from engine.pipelines.explanation.amendments import domain_facts, subterms
-from engine.pipelines.explanation.measures import AUXILIARY
-from engine.pipelines.explanation.relaxation import MISSED, default_rule, relaxed_rules
-from engine.pipelines.explanation.thresholds import THRESHOLD, threshold_rules
-from engine.stages.grounding.program import Vocabulary, conditionals, is_conditional, reachable, schemas
-from kb.asp.statics import evaluated
-from kb.model.conditions import Aggregate, Body, Comparison, Condition, Literal, Parameter, goal_parts
-from kb.model.domain import NUMERIC_TYPES, UNLISTED, Kind
-from kb.model.normalise import Normaliser
-from kb.model.problem import Problem
-from kb.model.statement import Signature
-from kb.terms import Atom, Function, Number, Term, Text, match
+from cellwright.engine.pipelines.explanation.amendments import domain_facts, subterms
+from cellwright.engine.pipelines.explanation.measures import AUXILIARY
+from cellwright.engine.pipelines.explanation.relaxation import MISSED, default_rule, relaxed_rules
+from cellwright.engine.pipelines.explanation.thresholds import THRESHOLD, threshold_rules
+from cellwright.engine.stages.grounding.program import (
+    Vocabulary,
+    conditionals,
+    is_conditional,
+    reachable,
+    schemas,
+)
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.model.conditions import (
+    Aggregate,
+    Body,
+    Comparison,
+    Condition,
+    Literal,
+    Parameter,
+    goal_parts,
+)
+from cellwright.kb.model.domain import NUMERIC_TYPES, UNLISTED, Kind
+from cellwright.kb.model.normalise import Normaliser
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.statement import Signature
+from cellwright.kb.terms import Atom, Function, Number, Term, Text, match
 
 SMALL = 10  # numbers up to this one are tried wherever a number stands
 

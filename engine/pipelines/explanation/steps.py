@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 
-from engine.model.explanation import OrderReason, Purpose, StepReason
-from engine.model.stages import said_of
-from engine.model.task import Task, indices
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.plan import GOAL, CausalLink, Plan, Step, StepId
-from kb.terms import Atom, Function
+from cellwright.engine.model.explanation import OrderReason, Purpose, StepReason
+from cellwright.engine.model.stages import said_of
+from cellwright.engine.model.task import Task, indices
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.plan import GOAL, CausalLink, Plan, Step, StepId
+from cellwright.kb.terms import Atom, Function
 
 
 def why(task: Task, plan: Plan, number: int, name: str = "plan") -> StepReason:

@@ -6,10 +6,10 @@ are equal. So the other side is solved for the number, and evaluated with all ot
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from kb.asp.bodies import ReadBody, read_body
-from kb.model.conditions import Literal
-from kb.model.statement import Signature
-from kb.terms import (
+from cellwright.kb.asp.bodies import ReadBody, read_body
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.statement import Signature
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Function,

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from engine.model.task import Task, indices
-from kb.terms import Atom, Function
+from cellwright.engine.model.task import Task, indices
+from cellwright.kb.terms import Atom, Function
 
 
 def uses(

@@ -1,6 +1,6 @@
 """From measurements to tours: rules assign the measurements to tools, and the sequencer orders them.
 
-`kb.model.conventions` lists the predicates that such a domain declares. The main ones: the tool that is `chosen` for a
+`cellwright.kb.model.conventions` lists the predicates that such a domain declares. The main ones: the tool that is `chosen` for a
 measurement, the tools that are `refused` for it, its `position` in micrometres, and the cost of a `change` of tools, as a
 distance in micrometres.
 """
@@ -8,18 +8,18 @@ distance in micrometres.
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
-from engine.model.measurements import chooses_tools, measurements_of
-from engine.model.tour import TourProblem, Visit
-from engine.pipelines.inspection.demands import Demands, of_facts, with_demands
-from engine.pipelines.inspection.stations import stations_of
-from engine.pipelines.inspection.ways import has_table, ordered
-from engine.pipelines.points import positions_in
-from kb.asp import Grounder
-from kb.asp.statics import evaluated
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.conventions import CONVENTIONS, Conventions
-from kb.model.problem import Problem
-from kb.terms import Number, Term, Text
+from cellwright.engine.model.measurements import chooses_tools, measurements_of
+from cellwright.engine.model.tour import TourProblem, Visit
+from cellwright.engine.pipelines.inspection.demands import Demands, of_facts, with_demands
+from cellwright.engine.pipelines.inspection.stations import stations_of
+from cellwright.engine.pipelines.inspection.ways import has_table, ordered
+from cellwright.engine.pipelines.points import positions_in
+from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.conventions import CONVENTIONS, Conventions
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Number, Term, Text
 
 NO_TOOL = "no tool takes a measurement of this kind"
 NO_POSITION = "its position is not known"

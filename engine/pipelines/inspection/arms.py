@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
-from engine.model.measurements import arms_of, is_shared, named
-from engine.pipelines.inspection import Partition, partition
-from kb.asp.statics import evaluated
-from kb.loader.cell import load_cell
-from kb.model.cell import Cell
-from kb.model.conditions import Literal, goal_parts, literals
-from kb.model.problem import Problem
-from kb.targets import CELL_FILE
-from kb.terms import Function
+from cellwright.engine.model.measurements import arms_of, is_shared, named
+from cellwright.engine.pipelines.inspection import Partition, partition
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.conditions import Literal, goal_parts, literals
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import CELL_FILE
+from cellwright.kb.terms import Function
 
 OR = " or "  # between the names of tools
 MOST_WAYS = 64  # to give tools to arms that are compared
@@ -144,7 +144,7 @@ def _reach(
     cell = cell_beside(problem) if open_ else None
     if cell is None or not all(arm in cell.arms for arm in arms):
         return {name: found.get(name, frozenset(arms)) for name in names}, {}
-    from engine.pipelines.inspection.reach import reached_by  # geometry is slow to load
+    from cellwright.engine.pipelines.inspection.reach import reached_by  # geometry is slow to load
 
     answers = reached_by(problem, cell, open_, tools, owners_of(problem))
     why = dict[str, str]()

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 
-from engine.model.measurements import measurements_of
-from engine.model.tour import ENDLESS, TourProblem, Visit
-from kb.asp.statics import evaluated
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.model.amounts import LARGEST, Facts
-from kb.model.conventions import Conventions
-from kb.model.problem import Problem
-from kb.numbers import is_count
-from kb.terms import Function, Number, Term
+from cellwright.engine.model.measurements import measurements_of
+from cellwright.engine.model.tour import ENDLESS, TourProblem, Visit
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.model.amounts import LARGEST, Facts
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.numbers import is_count
+from cellwright.kb.terms import Function, Number, Term
 
 Window = tuple[int, int | None]
 

@@ -3,10 +3,10 @@
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from engine.pipelines.inspection import Partition, partition
-from kb.model.domain import Operator
-from kb.model.problem import Problem
-from kb.terms import Function, Term, Variable
+from cellwright.engine.pipelines.inspection import Partition, partition
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term, Variable
 
 
 def parted(problem: Problem, lost: Collection[str]) -> Partition:

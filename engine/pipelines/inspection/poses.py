@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.tour import PoseProblem, Tour, Visit
-from engine.pipelines.inspection import Partition, partition
-from engine.ports import GeometryBackend
-from engine.stages.geometry.reach.reach import Reachability, Unreached
-from engine.stages.geometry.world.model import World
-from engine.stages.sequencing import Limits
-from engine.stages.sequencing.poses import with_poses
-from kb.model.cell import Cell, Place
-from kb.model.problem import Problem
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.tour import PoseProblem, Tour, Visit
+from cellwright.engine.pipelines.inspection import Partition, partition
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry.reach.reach import Reachability, Unreached
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.sequencing import Limits
+from cellwright.engine.stages.sequencing.poses import with_poses
+from cellwright.kb.model.cell import Cell, Place
+from cellwright.kb.model.problem import Problem
 
 HOME = "home"
 SPEED = 1.0

@@ -10,17 +10,17 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TypeVar
 
-from engine.model.measurements import measurements_of
-from engine.model.tour import Longs, Tour, TourProblem, cost_of, violations
-from engine.pipelines.inspection import Partition, tour_problem
-from engine.pipelines.inspection.demands import without_windows
-from engine.pipelines.inspection.losses import parted
-from engine.pipelines.inspection.rest import tour_of_rest
-from engine.pipelines.points import positions
-from engine.stages.sequencing import Limits, sequence
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.model.problem import Problem
-from kb.store.sequences import PlannedVisit, SequencePlan
+from cellwright.engine.model.measurements import measurements_of
+from cellwright.engine.model.tour import Longs, Tour, TourProblem, cost_of, violations
+from cellwright.engine.pipelines.inspection import Partition, tour_problem
+from cellwright.engine.pipelines.inspection.demands import without_windows
+from cellwright.engine.pipelines.inspection.losses import parted
+from cellwright.engine.pipelines.inspection.rest import tour_of_rest
+from cellwright.engine.pipelines.points import positions
+from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.sequences import PlannedVisit, SequencePlan
 
 REMOVED = "no longer in the problem"
 FOUND_BAD = "found bad"

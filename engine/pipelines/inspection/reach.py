@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
-from engine.pipelines.places import of_arm, with_places_of_arms
-from engine.plugins import geometry_backend
-from engine.stages.geometry.reach.reach import Reachability, Unreached
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Cell, Place
-from kb.model.problem import Problem
+from cellwright.engine.pipelines.places import of_arm, with_places_of_arms
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.reach.reach import Reachability, Unreached
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Cell, Place
+from cellwright.kb.model.problem import Problem
 
 NO_PLACE = "the cell has no place for it there"
 

@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from engine.model.tour import TourProblem, Visit, times_of
-from engine.pipelines.inspection.demands import Demands, later, of_facts, with_demands
-from engine.pipelines.inspection.stations import stations_of
-from engine.pipelines.inspection.ways import ordered
-from kb.diagnostics import Source
-from kb.loader.amounts import amounts_of
-from kb.model.problem import Problem
-from kb.store.sequences import PlannedVisit, SequencePlan
+from cellwright.engine.model.tour import TourProblem, Visit, times_of
+from cellwright.engine.pipelines.inspection.demands import Demands, later, of_facts, with_demands
+from cellwright.engine.pipelines.inspection.stations import stations_of
+from cellwright.engine.pipelines.inspection.ways import ordered
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.sequences import PlannedVisit, SequencePlan
 
 Visits = tuple[PlannedVisit, ...]
 

@@ -7,9 +7,9 @@ measurements is found first; a measurement that several of them serve belongs to
 from collections.abc import Mapping
 from itertools import combinations
 
-from kb.model.amounts import Facts
-from kb.model.conventions import Conventions
-from kb.terms import Number
+from cellwright.kb.model.amounts import Facts
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.terms import Number
 
 MOST = 12  # stations of which every set is tried; of more, the one that serves most of the rest is taken next
 

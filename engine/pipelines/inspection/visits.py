@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, replace
 
-from engine.model.tour import TourProblem
-from engine.pipelines.inspection import Partition
-from kb.diagnostics import InvalidInput, Source, unknown_name
-from kb.model.problem import Problem
+from cellwright.engine.model.tour import TourProblem
+from cellwright.engine.pipelines.inspection import Partition
+from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
+from cellwright.kb.model.problem import Problem
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.model.metric import Metric
-from engine.model.tour import TourProblem, Visit
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.amounts import amounts_of
-from kb.model.amounts import Amounts, Facts, NoAmount, travels_itself
-from kb.model.domain import Kind
-from kb.model.problem import Problem
-from kb.terms import Function, Term
+from cellwright.engine.model.metric import Metric
+from cellwright.engine.model.tour import TourProblem, Visit
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.amounts import Amounts, Facts, NoAmount, travels_itself
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term
 
 STRAIGHT = "µm"  # the unit of straight ways
 DENSE = 1000  # costs between more visits are computed when they are needed

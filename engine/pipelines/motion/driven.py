@@ -10,20 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs
-from engine.model.tour import Tour, TourProblem, Visit
-from engine.pipelines.inspection import Partition
-from engine.pipelines.inspection.poses import HOME, PosedTour, posed_tours
-from engine.pipelines.motion.stations import Stations, stations
-from engine.ports import GeometryBackend
-from engine.stages.geometry.reach.reach import Reachability
-from engine.stages.geometry.world.model import World
-from engine.stages.motion.roadmap import Travels, mapped, neighbours, travels
-from engine.stages.sequencing import Limits as Effort
-from engine.stages.sequencing import sequence
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.cell import Cell
-from kb.model.problem import Problem
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.model.tour import Tour, TourProblem, Visit
+from cellwright.engine.pipelines.inspection import Partition
+from cellwright.engine.pipelines.inspection.poses import HOME, PosedTour, posed_tours
+from cellwright.engine.pipelines.motion.stations import Stations, stations
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry.reach.reach import Reachability
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.motion.roadmap import Travels, mapped, neighbours, travels
+from cellwright.engine.stages.sequencing import Limits as Effort
+from cellwright.engine.stages.sequencing import sequence
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.problem import Problem
 
 NEAR = 20  # visits whose travel times are known before the tour is looked for
 ROUNDS = 20

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.reach.reach import Reachability, Unreached
-from engine.stages.geometry.world.model import World
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.loader.configuration import read_configuration
-from kb.model.cell import Cell, Place, Placement
-from kb.model.shapes import Pose
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.reach.reach import Reachability, Unreached
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.loader.configuration import read_configuration
+from cellwright.kb.model.cell import Cell, Place, Placement
+from cellwright.kb.model.shapes import Pose
 
 HOME, POINT, POSE, TURNS = "home", "point", "pose", "turns"
 FORMS = {POINT: (3, "point 0.4, -0.2, 0.8"), POSE: (6, "pose 0.4, -0.2, 0.8, 180, 0, 90")}

@@ -8,22 +8,22 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.geometry.proof import proved
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats
-from engine.model.motion import FINEST_M, Answer, Moved, Query
-from engine.pipelines.motion.ends import End
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.reach.hand import ArmHand
-from engine.stages.geometry.reach.reach import Reachability
-from engine.stages.geometry.reach.straight import Broken, straight
-from engine.stages.motion.planner import tried
-from engine.stages.motion.smoothing import Tube
-from engine.stages.motion.touching import Touch, touches
-from engine.stages.motion.upright import Level
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.cell import Place
+from cellwright.engine.kernels.geometry.proof import proved
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import FINEST_M, Answer, Moved, Query
+from cellwright.engine.pipelines.motion.ends import End
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.reach.hand import ArmHand
+from cellwright.engine.stages.geometry.reach.reach import Reachability
+from cellwright.engine.stages.geometry.reach.straight import Broken, straight
+from cellwright.engine.stages.motion.planner import tried
+from cellwright.engine.stages.motion.smoothing import Tube
+from cellwright.engine.stages.motion.touching import Touch, touches
+from cellwright.engine.stages.motion.upright import Level
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.cell import Place
 
 LINES = 32  # configurations of a place from which a line is tried
 BETWEEN = 8  # configurations of a line that are looked at between two

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.motion import Answer, Blocked, Moved, Query, Strategy
-from engine.pipelines.files import initial_facts
-from engine.pipelines.motion.ends import End, carried, end_of, tool_of
-from engine.pipelines.motion.legs import (
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Answer, Blocked, Moved, Query, Strategy
+from cellwright.engine.pipelines.files import initial_facts
+from cellwright.engine.pipelines.motion.ends import End, carried, end_of, tool_of
+from cellwright.engine.pipelines.motion.legs import (
     APPROACH,
     FREE,
     FURTHER,
@@ -22,20 +22,20 @@ from engine.pipelines.motion.legs import (
     leg_of,
     shallower,
 )
-from engine.pipelines.motion.timing import Timed, timed
-from engine.pipelines.motion.zones import zones_of
-from engine.plugins import geometry_backend
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.reach.hand import ArmHand
-from engine.stages.geometry.reach.reach import Reachability
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.motion.planner import plan, tried
-from engine.stages.motion.refining import proved_and_refined
-from engine.stages.motion.trajectory import Limits
-from engine.stages.motion.upright import Level
-from kb.loader.cell import cell_of
-from kb.model.cell import Place
+from cellwright.engine.pipelines.motion.timing import Timed, timed
+from cellwright.engine.pipelines.motion.zones import zones_of
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.reach.hand import ArmHand
+from cellwright.engine.stages.geometry.reach.reach import Reachability
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.motion.planner import plan, tried
+from cellwright.engine.stages.motion.refining import proved_and_refined
+from cellwright.engine.stages.motion.trajectory import Limits
+from cellwright.engine.stages.motion.upright import Level
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.cell import Place
 
 UNKNOWN_SPEED = 1.0  # rad/s or m/s
 SWIFT = 4.0  # 1/s: of a joint whose acceleration is unknown: full speed after a quarter of a second

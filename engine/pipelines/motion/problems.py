@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.motion import Blocked, Moved
-from engine.pipelines.motion.ends import arm_named, tool_of
-from engine.pipelines.motion.moving import Motion, Site, Wish, move
-from engine.stages.geometry.collision.ground import Ground
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.cell import Place, Placement
+from cellwright.engine.model.motion import Blocked, Moved
+from cellwright.engine.pipelines.motion.ends import arm_named, tool_of
+from cellwright.engine.pipelines.motion.moving import Motion, Site, Wish, move
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.cell import Place, Placement
 
 ROOM_M = 0.005  # that drawn configurations have around them
 DRAWS = 400  # for each configuration that is wanted

@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from engine.kernels.cancellation import Interrupted
-from engine.model.geometry import Longs
-from engine.pipelines.motion.moving import Site, Wish
-from engine.pipelines.motion.problems import Problem, Replayed, replayed
-from engine.pipelines.motion.stations import Stations
-from engine.pipelines.motion.table import Table, sought, table
-from engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, silent
-from engine.pipelines.units.content import content, everywhere, require_same
-from engine.stages.motion.roadmap import Roadmap, mapped
-from kb.stopping import Stopped
-from kb.targets import find
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.model.geometry import Longs
+from cellwright.engine.pipelines.motion.moving import Site, Wish
+from cellwright.engine.pipelines.motion.problems import Problem, Replayed, replayed
+from cellwright.engine.pipelines.motion.stations import Stations
+from cellwright.engine.pipelines.motion.table import Table, sought, table
+from cellwright.engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, silent
+from cellwright.engine.pipelines.units.content import content, everywhere, require_same
+from cellwright.engine.stages.motion.roadmap import Roadmap, mapped
+from cellwright.kb.stopping import Stopped
+from cellwright.kb.targets import find
 
 LINES = 2_000  # lines of a table that are proved in one unit
 

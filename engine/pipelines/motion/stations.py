@@ -5,19 +5,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Longs
-from engine.pipelines.motion.moving import limits_of
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.reach.hand import ArmHand
-from engine.stages.geometry.reach.reach import Reachability, Unreached
-from engine.stages.geometry.reach.straight import Broken, straight
-from engine.stages.geometry.world.model import World
-from engine.stages.motion.roadmap import Roadmap, Travels, mapped, travels
-from engine.stages.motion.smoothing import smoothed
-from engine.stages.motion.trajectory import Limits, least_times
-from kb.model.cell import Place
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.pipelines.motion.moving import limits_of
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.reach.hand import ArmHand
+from cellwright.engine.stages.geometry.reach.reach import Reachability, Unreached
+from cellwright.engine.stages.geometry.reach.straight import Broken, straight
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.motion.roadmap import Roadmap, Travels, mapped, travels
+from cellwright.engine.stages.motion.smoothing import smoothed
+from cellwright.engine.stages.motion.trajectory import Limits, least_times
+from cellwright.kb.model.cell import Place
 
 
 @dataclass(frozen=True, slots=True, eq=False)

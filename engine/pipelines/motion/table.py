@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs
-from engine.pipelines.motion.ends import arm_named, tool_of
-from engine.pipelines.motion.moving import Site
-from engine.pipelines.motion.stations import (
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.pipelines.motion.ends import arm_named, tool_of
+from cellwright.engine.pipelines.motion.moving import Site
+from cellwright.engine.pipelines.motion.stations import (
     Stations,
     all_pairs,
     all_travels,
@@ -17,8 +17,8 @@ from engine.pipelines.motion.stations import (
     near_one_another,
     stations,
 )
-from engine.stages.motion.roadmap import Roadmap
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.engine.stages.motion.roadmap import Roadmap
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.pipelines.motion.legs import Leg
-from engine.pipelines.motion.zones import Zone, slowed
-from engine.stages.motion.smoothing import Smoothed, certified
-from engine.stages.motion.trajectory import Limits, Trajectory, fastest
-from engine.stages.motion.upright import Level
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.motion.legs import Leg
+from cellwright.engine.pipelines.motion.zones import Zone, slowed
+from cellwright.engine.stages.motion.smoothing import Smoothed, certified
+from cellwright.engine.stages.motion.trajectory import Limits, Trajectory, fastest
+from cellwright.engine.stages.motion.upright import Level
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,17 +6,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats, Longs, Piece
-from engine.pipelines.motion.legs import Leg
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.shapes.parts import cores
-from engine.stages.geometry.world.model import World
-from engine.stages.motion.smoothing import Smoothed, certified, smoothed
-from engine.stages.motion.trajectory import Limits
-from engine.stages.motion.upright import Level
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats, Longs, Piece
+from cellwright.engine.pipelines.motion.legs import Leg
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.shapes.parts import cores
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.motion.smoothing import Smoothed, certified, smoothed
+from cellwright.engine.stages.motion.trajectory import Limits
+from cellwright.engine.stages.motion.upright import Level
 
 PART = 0.1  # rad or m: lines are cut so short before some are slowed
 STEP_S = 0.01  # between two looks at a speed

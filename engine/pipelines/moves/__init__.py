@@ -4,6 +4,6 @@ What an operator moves is declared in `cell.yaml`, under `operations`. What is g
 before and after the step, so a plan's symbols become numbers only here.
 """
 
-from engine.pipelines.moves.walking import Walk
+from cellwright.engine.pipelines.moves.walking import Walk
 
 __all__ = ["Walk"]

@@ -1,12 +1,12 @@
 """Which arms take part in a step, and the cell as these arms meet it while they take it.
 
 A step is planned with the arms that it names alone. They stand where they are. All other arms are left out: when they come near,
-the schedule keeps them apart (`engine.pipelines.moves.passing`).
+the schedule keeps them apart (`cellwright.engine.pipelines.moves.passing`).
 """
 
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Cell, Operation
-from kb.terms import Function
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Cell, Operation
+from cellwright.kb.terms import Function
 
 
 def arms_of(cell: Cell, step: Function, operation: Operation | None) -> tuple[str, ...]:

@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from engine.model.moves import Unmoved
-from kb.model.conditions import And, Comparison, Condition, Literal, Or
-from kb.model.domain import Operator
-from kb.model.problem import Problem
+from cellwright.engine.model.moves import Unmoved
+from cellwright.kb.model.conditions import And, Comparison, Condition, Literal, Or
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.problem import Problem
 
 
 def without_blocked(problem: Problem, refused: Iterable[Unmoved]) -> Problem:

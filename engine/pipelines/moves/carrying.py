@@ -9,18 +9,18 @@ import itertools
 
 import numpy as np
 
-from engine.kernels.geometry.proof import proved
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Truths
-from engine.model.motion import FINEST_M
-from engine.model.moves import Leg, LegKind
-from engine.pipelines.moves.hands import CARRYING, Hands, held, limits_at
-from engine.pipelines.moves.rooms import Room, corners_within
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.world.scenes import scene_of
-from engine.stages.motion.trajectory import Limits, fastest
-from kb.model.cell import Place
+from cellwright.engine.kernels.geometry.proof import proved
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.motion import FINEST_M
+from cellwright.engine.model.moves import Leg, LegKind
+from cellwright.engine.pipelines.moves.hands import CARRYING, Hands, held, limits_at
+from cellwright.engine.pipelines.moves.rooms import Room, corners_within
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.motion.trajectory import Limits, fastest
+from cellwright.kb.model.cell import Place
 
 LIFTS_M = (0.05, 0.1, 0.2, 0.3, 0.0)  # how far the body is lifted before it goes across
 STEP_M = 0.005  # how often a pose of the body is looked at

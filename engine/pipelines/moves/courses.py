@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.moves import Leg, LegKind, MovedStep
-from engine.pipelines.moves.tracks import Key, Moment, Occupied, Passage, Rider, tracks
-from kb.model.plan import StepId
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep
+from cellwright.engine.pipelines.moves.tracks import Key, Moment, Occupied, Passage, Rider, tracks
+from cellwright.kb.model.plan import StepId
 
 FASTEST = 15 / 8  # the greatest speed on a line from rest to rest, in terms of the mean
 

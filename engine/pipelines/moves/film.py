@@ -5,17 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind, MovedStep
-from engine.pipelines.moves.states import states_of
-from engine.pipelines.moves.steps import guide_value
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.validation.semantics import Semantics
-from kb.model.cell import Cell, Operation
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Atom, Function
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep
+from cellwright.engine.pipelines.moves.states import states_of
+from cellwright.engine.pipelines.moves.steps import guide_value
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.cell import Cell, Operation
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Atom, Function
 
 SHORT_S = 0.5  # how long a change without a motion is shown
 

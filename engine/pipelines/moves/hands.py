@@ -5,14 +5,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.motion import Blocked, Moved, Query
-from engine.model.moves import Leg, LegKind
-from engine.pipelines.moves.rooms import Room
-from engine.stages.geometry.world.model import World
-from engine.stages.motion.kept import KeptRoadmaps
-from engine.stages.motion.trajectory import Limits, fastest
-from kb.model.cell import Arm, BodyKind, Cell, Place
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Blocked, Moved, Query
+from cellwright.engine.model.moves import Leg, LegKind
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.motion.kept import KeptRoadmaps
+from cellwright.engine.stages.motion.trajectory import Limits, fastest
+from cellwright.kb.model.cell import Arm, BodyKind, Cell, Place
 
 BUDGET = 400_000  # configurations that the search for a way looks at
 CARRYING = 0.5  # of the full speed and acceleration: for a part that friction alone holds

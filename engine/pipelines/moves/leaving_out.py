@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from engine.model.measurements import named
-from engine.pipelines.attainment import GivenUp
-from kb.model.conditions import TRUE, And, Condition, Literal, goal_parts, literals
-from kb.model.problem import Chain, Problem
+from cellwright.engine.model.measurements import named
+from cellwright.engine.pipelines.attainment import GivenUp
+from cellwright.kb.model.conditions import TRUE, And, Condition, Literal, goal_parts, literals
+from cellwright.kb.model.problem import Chain, Problem
 
 
 def within_reach(problem: Problem, lost: Mapping[str, str]) -> tuple[Problem, tuple[GivenUp, ...]]:

@@ -1,6 +1,6 @@
 """Which steps of different arms can meet: found from the space that the arms sweep, and proved for those that cannot.
 
-Boxes around what is swept are compared first. What they leave open is decided on the paths (`engine.stages.motion.meeting`): two steps
+Boxes around what is swept are compared first. What they leave open is decided on the paths (`cellwright.engine.stages.motion.meeting`): two steps
 never meet if no place of the one arm on its path is near any place of the other on its own, whatever the times. What an arm moves
 while it does not hold it (a part before it is taken and after it is put down, a drawer) is in the way of others, too.
 """
@@ -11,16 +11,16 @@ from itertools import combinations
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.passing import Meetings, Pair, Zone
-from engine.pipelines.moves.tracks import Key, Moment, Occupied, Passage, Rider, tracks
-from engine.ports import GeometryBackend
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.collision.swept import Swept, crossed
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of_pairs
-from engine.stages.motion.meeting import Course, meet
-from kb.model.plan import StepId
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.passing import Meetings, Pair, Zone
+from cellwright.engine.pipelines.moves.tracks import Key, Moment, Occupied, Passage, Rider, tracks
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.collision.swept import Swept, crossed
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of_pairs
+from cellwright.engine.stages.motion.meeting import Course, meet
+from cellwright.kb.model.plan import StepId
 
 MARGIN_M = 0.005  # arms of different steps stay so far apart: servos lag
 

@@ -9,19 +9,19 @@ import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.forecast import makespan
-from engine.model.moves import MovedStep, Unmoved
-from engine.model.outcome import Infeasible
-from engine.model.passing import Pair, Passed, Sharing
-from engine.pipelines.moves.arms import arms_of
-from engine.pipelines.moves.hands import Where
-from engine.pipelines.moves.meetings import Encounters, Found, found
-from engine.pipelines.moves.states import states_of
-from engine.pipelines.moves.tracks import Moment
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.stages.scheduling.limits import ScheduleLimits
-from engine.stages.scheduling.passing import Crossing, passed
-from kb.model.plan import Plan, StepId
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.moves import MovedStep, Unmoved
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.passing import Pair, Passed, Sharing
+from cellwright.engine.pipelines.moves.arms import arms_of
+from cellwright.engine.pipelines.moves.hands import Where
+from cellwright.engine.pipelines.moves.meetings import Encounters, Found, found
+from cellwright.engine.pipelines.moves.states import states_of
+from cellwright.engine.pipelines.moves.tracks import Moment
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.stages.scheduling.limits import ScheduleLimits
+from cellwright.engine.stages.scheduling.passing import Crossing, passed
+from cellwright.kb.model.plan import Plan, StepId
 
 WORK = 4.0  # of the solver for one answer, about seconds of one core
 

@@ -9,35 +9,35 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.moves import MovedStep, Unmoved
-from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
-from engine.model.passing import Sharing
-from engine.model.schedule import Schedule, Timetable
-from engine.pipelines.attainment import GivenUp
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.bars import told, without_blocked
-from engine.pipelines.moves.leaving_out import all_lost, within_reach
-from engine.pipelines.moves.meetings import Encounters
-from engine.pipelines.moves.passing import Shared, kept_apart
-from engine.pipelines.moves.states import in_order
-from engine.pipelines.moves.walking import Walk, Ways
-from engine.pipelines.objective import Run
-from engine.pipelines.parts.patching import patched
-from engine.pipelines.places import measured_at
-from engine.pipelines.planning import task_for
-from engine.pipelines.timetable import keeping, own_order, timed
-from engine.pipelines.timetable.kept import LONG
-from engine.pipelines.timetable.orders import by_step
-from engine.pipelines.timetable.wishes import wishes_for
-from engine.ports import GeometryBackend
-from engine.stages.planning import Limits
-from engine.stages.scheduling.blocks import mentions
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.cell import Cell
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Problem
-from kb.syntax import SECONDS
-from kb.terms import Function
+from cellwright.engine.model.moves import MovedStep, Unmoved
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome
+from cellwright.engine.model.passing import Sharing
+from cellwright.engine.model.schedule import Schedule, Timetable
+from cellwright.engine.pipelines.attainment import GivenUp
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.bars import told, without_blocked
+from cellwright.engine.pipelines.moves.leaving_out import all_lost, within_reach
+from cellwright.engine.pipelines.moves.meetings import Encounters
+from cellwright.engine.pipelines.moves.passing import Shared, kept_apart
+from cellwright.engine.pipelines.moves.states import in_order
+from cellwright.engine.pipelines.moves.walking import Walk, Ways
+from cellwright.engine.pipelines.objective import Run
+from cellwright.engine.pipelines.parts.patching import patched
+from cellwright.engine.pipelines.places import measured_at
+from cellwright.engine.pipelines.planning import task_for
+from cellwright.engine.pipelines.timetable import keeping, own_order, timed
+from cellwright.engine.pipelines.timetable.kept import LONG
+from cellwright.engine.pipelines.timetable.orders import by_step
+from cellwright.engine.pipelines.timetable.wishes import wishes_for
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.scheduling.blocks import mentions
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.syntax import SECONDS
+from cellwright.kb.terms import Function
 
 MOST_BARS = 60  # steps without motion, after which planning gives up
 NONE_LOST: Mapping[str, str] = {}

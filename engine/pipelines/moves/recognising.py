@@ -4,12 +4,12 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from engine.pipelines.moves.seen import Seen
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from kb.asp import ground_term
-from kb.model.cell import Cell, Location
-from kb.terms import Atom, Function, is_ground, match, substitute
+from cellwright.engine.pipelines.moves.seen import Seen
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.asp import ground_term
+from cellwright.kb.model.cell import Cell, Location
+from cellwright.kb.terms import Atom, Function, is_ground, match, substitute
 
 NEAR_M = 0.03  # a body so near to a place is there
 

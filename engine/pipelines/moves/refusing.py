@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Contact, Floats
-from engine.model.motion import Blocked
-from engine.model.moves import Unmoved
-from engine.pipelines.moves.hands import held
-from engine.pipelines.moves.rooms import Room
-from engine.stages.geometry.reach.reach import Unreached
-from engine.stages.geometry.reach.seeing import Unseen
-from kb.model.cell import Cell, Place
-from kb.model.plan import Step
+from cellwright.engine.model.geometry import Contact, Floats
+from cellwright.engine.model.motion import Blocked
+from cellwright.engine.model.moves import Unmoved
+from cellwright.engine.pipelines.moves.hands import held
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.stages.geometry.reach.reach import Unreached
+from cellwright.engine.stages.geometry.reach.seeing import Unseen
+from cellwright.kb.model.cell import Cell, Place
+from cellwright.kb.model.plan import Step
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,12 +13,12 @@ from itertools import combinations
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs
-from engine.model.moves import MovedStep
-from engine.pipelines.moves.courses import Course, courses_of
-from engine.pipelines.moves.meetings import Encounters
-from engine.pipelines.moves.tracks import Moment, Rider
-from kb.model.plan import Plan, StepId
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.model.moves import MovedStep
+from cellwright.engine.pipelines.moves.courses import Course, courses_of
+from cellwright.engine.pipelines.moves.meetings import Encounters
+from cellwright.engine.pipelines.moves.tracks import Moment, Rider
+from cellwright.kb.model.plan import Plan, StepId
 
 CHECKING = 1 / 32  # rad or m: how often the planner of motions looks
 

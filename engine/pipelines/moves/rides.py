@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.geometry.proof import proved
-from engine.model.geometry import Floats
-from engine.model.motion import FINEST_M
-from engine.pipelines.moves.rooms import Room
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.world.scenes import riding_scene_of
+from cellwright.engine.kernels.geometry.proof import proved
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import FINEST_M
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.world.scenes import riding_scene_of
 
 LOOKS = 65  # places of a ride at which contacts are looked for, before the whole ride is proved
 

@@ -6,20 +6,20 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.geometry.proof import proved
-from engine.kernels.linear import matmul
-from engine.model.geometry import Contact, Floats, Truths
-from engine.model.motion import FINEST_M
-from engine.ports import CollisionChecker, GeometryBackend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.kinematics.arms import ArmModel
-from engine.stages.geometry.kinematics.inverse import InverseKinematics
-from engine.stages.geometry.kinematics.turning import nearest_turns, turned_near
-from engine.stages.geometry.reach.reach import Reachability
-from engine.stages.geometry.world.model import World
-from engine.stages.motion.touching import touches
-from kb.model.cell import Place, Placement
+from cellwright.engine.kernels.geometry.proof import proved
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Contact, Floats, Truths
+from cellwright.engine.model.motion import FINEST_M
+from cellwright.engine.ports import CollisionChecker, GeometryBackend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.engine.stages.geometry.kinematics.turning import nearest_turns, turned_near
+from cellwright.engine.stages.geometry.reach.reach import Reachability
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.motion.touching import touches
+from cellwright.kb.model.cell import Place, Placement
 
 STRAIGHT_STEP_M = 0.01  # how often a straight way of the tool is looked at
 STRAIGHT_TOLERANCE_M = 0.001  # how far the tool may be off the straight way between two corners

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.execution import SEEN
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.parts import cores
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Body, BodyKind, Cell, Placement
-from kb.model.shapes import Box, PlacedShape, Pose
-from kb.numbers import is_number
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.execution import SEEN
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.parts import cores
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.kb.numbers import is_number
 
 FARTHEST_M = 1e3
 ROOM_M = 0.01  # kept from what was seen: neither the look nor the arm is exact

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from engine.model.forecast import earliest_starts
-from engine.stages.validation.changes import State
-from engine.stages.validation.semantics import Semantics
-from kb.model.plan import Plan, Step
+from cellwright.engine.model.forecast import earliest_starts
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.plan import Plan, Step
 
 
 def states_of(semantics: Semantics, plan: Plan) -> Iterator[tuple[Step, State, State]]:

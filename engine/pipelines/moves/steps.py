@@ -5,17 +5,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats
-from engine.model.motion import Blocked
-from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
-from engine.pipelines.moves.hands import Front, Hands
-from engine.pipelines.moves.refusing import Refusal
-from engine.pipelines.moves.rooms import Room
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Ends, JointKind, Operation, Place
-from kb.model.plan import Step
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Blocked
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep, Unmoved
+from cellwright.engine.pipelines.moves.hands import Front, Hands
+from cellwright.engine.pipelines.moves.refusing import Refusal
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Ends, JointKind, Operation, Place
+from cellwright.kb.model.plan import Step
 
 TRIED = (
     24,

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
-from engine.pipelines.moves.carrying import carried
-from engine.pipelines.moves.hands import Hands, held
-from engine.pipelines.moves.rooms import Room
-from engine.pipelines.moves.steps import CAREFUL, StepMotion
-from kb.model.cell import Ends, Operation, Place
-from kb.model.plan import Step
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep, Unmoved
+from cellwright.engine.pipelines.moves.carrying import carried
+from cellwright.engine.pipelines.moves.hands import Hands, held
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.pipelines.moves.steps import CAREFUL, StepMotion
+from cellwright.kb.model.cell import Ends, Operation, Place
+from cellwright.kb.model.plan import Step
 
 
 @dataclass(eq=False)

@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind, MovedStep
-from engine.stages.geometry.world.model import World
-from kb.model.plan import StepId
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.plan import StepId
 
 Key = tuple[tuple[str, bytes], ...]
 

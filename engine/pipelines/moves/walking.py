@@ -5,27 +5,27 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
-from engine.pipelines.moves.arms import arms_of
-from engine.pipelines.moves.hands import Front, Hands, Where, held
-from engine.pipelines.moves.recognising import putting
-from engine.pipelines.moves.rides import Ride
-from engine.pipelines.moves.rooms import Room
-from engine.pipelines.moves.states import states_of
-from engine.pipelines.moves.steps import StepMotion, guide_value
-from engine.pipelines.moves.together import JointStep
-from engine.pipelines.places import measured_cell
-from engine.ports import GeometryBackend
-from engine.stages.geometry.kinematics.inverse import InverseKinematics
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.validation.changes import State
-from engine.stages.validation.semantics import Semantics
-from kb.model.cell import Cell, Ends, Location, Operation, Place
-from kb.model.plan import Plan, Step, StepId
-from kb.syntax import SECONDS
-from kb.terms import Atom, Function, Term, Variable, match, substitute, variables
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep, Unmoved
+from cellwright.engine.pipelines.moves.arms import arms_of
+from cellwright.engine.pipelines.moves.hands import Front, Hands, Where, held
+from cellwright.engine.pipelines.moves.recognising import putting
+from cellwright.engine.pipelines.moves.rides import Ride
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.pipelines.moves.states import states_of
+from cellwright.engine.pipelines.moves.steps import StepMotion, guide_value
+from cellwright.engine.pipelines.moves.together import JointStep
+from cellwright.engine.pipelines.places import measured_cell
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.cell import Cell, Ends, Location, Operation, Place
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.syntax import SECONDS
+from cellwright.kb.terms import Atom, Function, Term, Variable, match, substitute, variables
 
 _Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, tuple[tuple[bytes, str, bool], ...]]
 _Stand = tuple[str, Floats, Front | None]  # an arm, its configuration, and what it stands before

@@ -8,27 +8,27 @@ the whole problem.
 import time
 from dataclasses import dataclass
 
-from engine.model.measurements import chooses_tools, is_shared
-from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.inspection import partition
-from engine.pipelines.inspection.demands import Demands
-from engine.pipelines.parts.beginning import chain_of, start_of
-from engine.pipelines.parts.chain import Chain, Part
-from engine.pipelines.parts.itinerary import Itinerary, itinerary
-from engine.pipelines.parts.joining import joined, of_arms
-from engine.pipelines.parts.memory import Memory, Notebook
-from engine.pipelines.parts.runs import in_best_order
-from engine.pipelines.parts.sharing import Shared, shared
-from engine.pipelines.planning import LARGE
-from engine.stages.grounding.limits import size
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup.query import goal_literal
-from engine.stages.planning import Limits
-from engine.stages.sequencing import Limits as TourLimits
-from kb.model.conditions import goal_parts
-from kb.model.problem import Problem
-from kb.terms import Function, natural_key
+from cellwright.engine.model.measurements import chooses_tools, is_shared
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.inspection import partition
+from cellwright.engine.pipelines.inspection.demands import Demands
+from cellwright.engine.pipelines.parts.beginning import chain_of, start_of
+from cellwright.engine.pipelines.parts.chain import Chain, Part
+from cellwright.engine.pipelines.parts.itinerary import Itinerary, itinerary
+from cellwright.engine.pipelines.parts.joining import joined, of_arms
+from cellwright.engine.pipelines.parts.memory import Memory, Notebook
+from cellwright.engine.pipelines.parts.runs import in_best_order
+from cellwright.engine.pipelines.parts.sharing import Shared, shared
+from cellwright.engine.pipelines.planning import LARGE
+from cellwright.engine.stages.grounding.limits import size
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lookup.query import goal_literal
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.sequencing import Limits as TourLimits
+from cellwright.kb.model.conditions import goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, natural_key
 
 __all__ = ["Itinerary", "Memory", "Notebook", "Part", "Sequenced", "Shared", "by_sequence", "shares_of"]
 
@@ -87,7 +87,7 @@ def _on_time(
 ) -> tuple[Outcome, Itinerary]:
     """The plan, or one along another tour if that misses fewer windows."""
     # only windows need schedules, which are slow to load
-    from engine.pipelines.parts.punctual import punctual
+    from cellwright.engine.pipelines.parts.punctual import punctual
 
     def planned(other: Itinerary) -> Outcome | None:
         again = Chain(problem, start_of(problem), line.memory, line.limits)

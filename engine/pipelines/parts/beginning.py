@@ -1,15 +1,15 @@
 """Where the parts of a plan begin: a chain that stands in the initial state of a problem."""
 
-from engine.pipelines.parts.chain import Chain
-from engine.pipelines.parts.memory import Memory, Notebook
-from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.program import Vocabulary
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.planning import Limits
-from engine.stages.sequencing import Limits as TourLimits
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
+from cellwright.engine.pipelines.parts.chain import Chain
+from cellwright.engine.pipelines.parts.memory import Memory, Notebook
+from cellwright.engine.stages.grounding.initial import initial_state
+from cellwright.engine.stages.grounding.program import Vocabulary
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.sequencing import Limits as TourLimits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
 
 
 def start_of(problem: Problem) -> Situation:

@@ -8,18 +8,18 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.outcome import Found, GaveUp, Outcome
-from engine.pipelines.parts.memory import Memory
-from engine.pipelines.planning import searched
-from engine.stages.macros.learning.generalise import NotGeneral, generalise
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup.checking import check
-from engine.stages.macros.lookup.query import query
-from engine.stages.planning import Limits
-from kb.model.conditions import And, Condition
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.model.outcome import Found, GaveUp, Outcome
+from cellwright.engine.pipelines.parts.memory import Memory
+from cellwright.engine.pipelines.planning import searched
+from cellwright.engine.stages.macros.learning.generalise import NotGeneral, generalise
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lookup.checking import check
+from cellwright.engine.stages.macros.lookup.query import query
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.conditions import And, Condition
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 LARGEST = 100  # steps of a plan that is learned
 MUCH = 1 << 62

@@ -4,20 +4,20 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
 
-from engine.model.measurements import chooses_tools, is_shared, named
-from engine.model.measurements import wanted as wanted_of
-from engine.model.tour import Tour, TourProblem, cost_of
-from engine.pipelines.inspection import Partition, partition, tour_problem
-from engine.pipelines.inspection.demands import Demands, without_windows
-from engine.pipelines.parts.chain import Chain, Part
-from engine.pipelines.parts.sharing import Shared, shared
-from engine.pipelines.points import with_places
-from engine.stages.macros.lookup.query import goal_literal
-from engine.stages.sequencing import Limits, sequence
-from kb.model.conditions import Condition, Literal, goal_parts
-from kb.model.domain import OBJECT
-from kb.model.problem import Problem
-from kb.terms import ANYTHING, Function
+from cellwright.engine.model.measurements import chooses_tools, is_shared, named
+from cellwright.engine.model.measurements import wanted as wanted_of
+from cellwright.engine.model.tour import Tour, TourProblem, cost_of
+from cellwright.engine.pipelines.inspection import Partition, partition, tour_problem
+from cellwright.engine.pipelines.inspection.demands import Demands, without_windows
+from cellwright.engine.pipelines.parts.chain import Chain, Part
+from cellwright.engine.pipelines.parts.sharing import Shared, shared
+from cellwright.engine.pipelines.points import with_places
+from cellwright.engine.stages.macros.lookup.query import goal_literal
+from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.kb.model.conditions import Condition, Literal, goal_parts
+from cellwright.kb.model.domain import OBJECT
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ANYTHING, Function
 
 PROOF = (
     5.0  # work of the solver, about seconds: a plan does not wait longer for the proof of a tour with windows
@@ -182,7 +182,9 @@ def _bound(problem: TourProblem) -> bool:
 
 def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Itinerary:
     """The order of the kept sequence, without what the goals do not ask for."""
-    from engine.pipelines.parts.keeping import carry_on  # slow to import, and only a store needs it
+    from cellwright.engine.pipelines.parts.keeping import (
+        carry_on,  # slow to import, and only a store needs it
+    )
 
     progress = carry_on(store, problem, limits=limits)
     wanted = {name for names in parts.groups.values() for name in names}

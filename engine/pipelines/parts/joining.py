@@ -4,17 +4,17 @@ import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.measurements import named
-from engine.pipelines.parts.itinerary import Itinerary
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.ground_steps import Needed
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.support import support
-from engine.stages.macros.lifted.world import CellDomain
-from kb.model.conditions import Literal
-from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, match
+from cellwright.engine.model.measurements import named
+from cellwright.engine.pipelines.parts.itinerary import Itinerary
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.ground_steps import Needed
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.support import support
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term, match
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,12 @@
 
 from collections.abc import Collection
 
-from engine.model.measurements import is_shared
-from engine.pipelines.inspection.progress import News, Progress, carried_on, resources
-from engine.pipelines.points import with_places
-from engine.stages.sequencing import Limits
-from kb.model.problem import Problem
-from kb.store.sequences import SequencePlan, Sequences
+from cellwright.engine.model.measurements import is_shared
+from cellwright.engine.pipelines.inspection.progress import News, Progress, carried_on, resources
+from cellwright.engine.pipelines.points import with_places
+from cellwright.engine.stages.sequencing import Limits
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.sequences import SequencePlan, Sequences
 
 
 def carry_on(
@@ -33,7 +33,7 @@ def carry_on(
 def _carried_on(plan: SequencePlan, problem: Problem, news: News, limits: Limits) -> Progress:
     if not is_shared(problem):
         return carried_on(plan, problem, news, limits)
-    from engine.pipelines.parts.kept_shares import (
+    from cellwright.engine.pipelines.parts.kept_shares import (
         shares_carried_on,
     )  # slow to load, and one arm needs it never
 

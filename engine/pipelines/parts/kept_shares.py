@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import Tour, TourProblem, Visit, times_of
-from engine.pipelines.inspection import Partition, partition, tour_problem
-from engine.pipelines.inspection.arms import Able, Offers, offers
-from engine.pipelines.inspection.demands import Demands, later, of_facts
-from engine.pipelines.inspection.losses import bereft, unusable
-from engine.pipelines.inspection.progress import (
+from cellwright.engine.model.outcome import GaveUp, Infeasible
+from cellwright.engine.model.tour import Tour, TourProblem, Visit, times_of
+from cellwright.engine.pipelines.inspection import Partition, partition, tour_problem
+from cellwright.engine.pipelines.inspection.arms import Able, Offers, offers
+from cellwright.engine.pipelines.inspection.demands import Demands, later, of_facts
+from cellwright.engine.pipelines.inspection.losses import bereft, unusable
+from cellwright.engine.pipelines.inspection.progress import (
     Left,
     News,
     Progress,
@@ -24,15 +24,15 @@ from engine.pipelines.inspection.progress import (
     empty,
     left_of,
 )
-from engine.pipelines.parts.beginning import chain_of
-from engine.pipelines.parts.chain import Chain
-from engine.pipelines.parts.sharing import Asked, Shared, shared
-from engine.pipelines.parts.turns import of_share
-from engine.stages.sequencing import Limits
-from kb.asp.statics import evaluated
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.problem import Problem
-from kb.store.sequences import PlannedVisit, SequencePlan
+from cellwright.engine.pipelines.parts.beginning import chain_of
+from cellwright.engine.pipelines.parts.chain import Chain
+from cellwright.engine.pipelines.parts.sharing import Asked, Shared, shared
+from cellwright.engine.pipelines.parts.turns import of_share
+from cellwright.engine.stages.sequencing import Limits
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.sequences import PlannedVisit, SequencePlan
 
 Orders = Mapping[str, tuple[str, ...]]
 

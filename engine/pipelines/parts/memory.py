@@ -3,10 +3,10 @@
 from collections.abc import Hashable
 from typing import Protocol
 
-from engine.stages.macros.lookup.index import Index
-from engine.stages.macros.lookup.lookup import Hit, look_up
-from engine.stages.macros.lookup.query import Query, readings
-from kb.model.macro import Macrop
+from cellwright.engine.stages.macros.lookup.index import Index
+from cellwright.engine.stages.macros.lookup.lookup import Hit, look_up
+from cellwright.engine.stages.macros.lookup.query import Query, readings
+from cellwright.kb.model.macro import Macrop
 
 
 class Memory(Protocol):

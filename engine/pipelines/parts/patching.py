@@ -3,24 +3,24 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.model.measurements import named
-from engine.model.outcome import Found, Infeasible, Outcome
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.parts.chain import Chain, Part
-from engine.pipelines.parts.itinerary import Itinerary
-from engine.pipelines.parts.joining import joined, of_arms
-from engine.pipelines.parts.memory import Notebook
-from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.program import Vocabulary
-from engine.stages.macros.lifted.execution import changes_of
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain, StepChange
-from engine.stages.macros.lookup.query import goal_literal
-from engine.stages.planning import Limits
-from kb.model.conditions import Literal, goal_parts
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.model.measurements import named
+from cellwright.engine.model.outcome import Found, Infeasible, Outcome
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.parts.chain import Chain, Part
+from cellwright.engine.pipelines.parts.itinerary import Itinerary
+from cellwright.engine.pipelines.parts.joining import joined, of_arms
+from cellwright.engine.pipelines.parts.memory import Notebook
+from cellwright.engine.stages.grounding.initial import initial_state
+from cellwright.engine.stages.grounding.program import Vocabulary
+from cellwright.engine.stages.macros.lifted.execution import changes_of
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain, StepChange
+from cellwright.engine.stages.macros.lookup.query import goal_literal
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.conditions import Literal, goal_parts
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 
 @dataclass(frozen=True)

@@ -10,17 +10,17 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median_low
 
-from engine.model.outcome import Found, Outcome
-from engine.model.tour import Tour, TourProblem
-from engine.model.windows import visits_of
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.parts.itinerary import PROOF, Itinerary
-from engine.pipelines.timetable.kept import kept
-from engine.pipelines.timetable.wishes import wishes_for
-from engine.stages.scheduling.work import Wishes
-from engine.stages.sequencing import Limits, sequence
-from kb.model.plan import Plan
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found, Outcome
+from cellwright.engine.model.tour import Tour, TourProblem
+from cellwright.engine.model.windows import visits_of
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.parts.itinerary import PROOF, Itinerary
+from cellwright.engine.pipelines.timetable.kept import kept
+from cellwright.engine.pipelines.timetable.wishes import wishes_for
+from cellwright.engine.stages.scheduling.work import Wishes
+from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
 
 ROUNDS = 4  # tours that are tried after the first
 Planned = Callable[[Itinerary], Outcome | None]

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise, permutations, product
 
-from engine.pipelines.parts.chain import MUCH, Chain, Part
-from engine.pipelines.parts.itinerary import Itinerary, Run
+from cellwright.engine.pipelines.parts.chain import MUCH, Chain, Part
+from cellwright.engine.pipelines.parts.itinerary import Itinerary, Run
 
 EXACT = 4  # runs of which every order is compared; orders of more are improved step by step
 MOST_WAYS = 120  # between runs that are planned

@@ -10,23 +10,23 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import SharedProblem, Shares, Tour, TourProblem, Visit, busy_with, cost_of
-from engine.pipelines.inspection import Partition, tour_problem
-from engine.pipelines.inspection.arms import Able, Offers, by_arm, offers
-from engine.pipelines.inspection.demands import Demands, of_facts, without_windows
-from engine.pipelines.inspection.ways import STRAIGHT, straight, time_between
-from engine.pipelines.parts.chain import MUCH, Chain, Part
-from engine.pipelines.parts.turns import levelled, levels_of, merged, of_share, waits_of
-from engine.stages.sequencing import Limits, sequence
-from engine.stages.sequencing.sharing import share
-from kb.asp.statics import evaluated
-from kb.diagnostics import Source
-from kb.loader.amounts import amounts_of
-from kb.model.amounts import NoAmount
-from kb.model.motion import Point
-from kb.model.problem import Problem
-from kb.terms import Function, Term
+from cellwright.engine.model.outcome import GaveUp, Infeasible
+from cellwright.engine.model.tour import SharedProblem, Shares, Tour, TourProblem, Visit, busy_with, cost_of
+from cellwright.engine.pipelines.inspection import Partition, tour_problem
+from cellwright.engine.pipelines.inspection.arms import Able, Offers, by_arm, offers
+from cellwright.engine.pipelines.inspection.demands import Demands, of_facts, without_windows
+from cellwright.engine.pipelines.inspection.ways import STRAIGHT, straight, time_between
+from cellwright.engine.pipelines.parts.chain import MUCH, Chain, Part
+from cellwright.engine.pipelines.parts.turns import levelled, levels_of, merged, of_share, waits_of
+from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.engine.stages.sequencing.sharing import share
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.amounts import NoAmount
+from cellwright.kb.model.motion import Point
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term
 
 BEGIN = "begin of "  # what the visit is called at which an arm begins; no measurement has a space in its name
 NOWHERE: Mapping[str, Visit] = {}

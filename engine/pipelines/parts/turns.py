@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.tour import Shares, TourProblem
-from engine.stages.sequencing.shares import part
+from cellwright.engine.model.tour import Shares, TourProblem
+from cellwright.engine.stages.sequencing.shares import part
 
 Pair = tuple[str, str]  # of measurements: the first comes before the second
 

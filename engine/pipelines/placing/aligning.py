@@ -6,22 +6,22 @@ from typing import TypeAlias
 
 import numpy as np
 
-from engine.kernels.rigid import inverse
-from engine.model.assembly import Assembled, Contradiction
-from engine.model.geometry import Floats
-from engine.model.grasping import Grasp
-from engine.model.vision import NotLocated
-from engine.pipelines.placing.answers import Leg, NotPlaced
-from engine.pipelines.placing.carrying import LIFT_M, ends, gross, straight, touching
-from engine.pipelines.placing.goals import goal_of
-from engine.pipelines.placing.holding import BACK_M, HAND, Reach, with_hand
-from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.placing import contradicted, unseen
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.task import Task
-from engine.pipelines.placing.ways import most_vertical, possible
-from engine.stages.geometry.world.model import World
-from kb.model.scene import SaidRelation, Scene
+from cellwright.engine.kernels.rigid import inverse
+from cellwright.engine.model.assembly import Assembled, Contradiction
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.grasping import Grasp
+from cellwright.engine.model.vision import NotLocated
+from cellwright.engine.pipelines.placing.answers import Leg, NotPlaced
+from cellwright.engine.pipelines.placing.carrying import LIFT_M, ends, gross, straight, touching
+from cellwright.engine.pipelines.placing.goals import goal_of
+from cellwright.engine.pipelines.placing.holding import BACK_M, HAND, Reach, with_hand
+from cellwright.engine.pipelines.placing.looking import look
+from cellwright.engine.pipelines.placing.placing import contradicted, unseen
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.pipelines.placing.ways import most_vertical, possible
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.scene import SaidRelation, Scene
 
 HIGH_M = 0.25  # how high above where it lies the part is, if the relation does not say otherwise
 TRIED = 12

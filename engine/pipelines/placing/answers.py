@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from engine.model.assembly import Assembled, Contradiction
-from engine.model.geometry import Floats
-from engine.model.grasping import Grasp
-from engine.model.vision import Located, NotLocated
-from engine.stages.grasping.insertion import Insertion
+from cellwright.engine.model.assembly import Assembled, Contradiction
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.grasping import Grasp
+from cellwright.engine.model.vision import Located, NotLocated
+from cellwright.engine.stages.grasping.insertion import Insertion
 
 
 @dataclass(frozen=True, slots=True, eq=False)

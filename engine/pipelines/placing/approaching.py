@@ -1,6 +1,6 @@
 """The last way of the hand to a part: straight along its own axis, or round what stands there, in the grasp plane.
 
-The plane is that of `engine.stages.grasping.approach`: the hand moves in it across its closing direction, and turns about that.
+The plane is that of `cellwright.engine.stages.grasping.approach`: the hand moves in it across its closing direction, and turns about that.
 A way is found outwards, from the grasp to where the hand is free of what stands around. The arm follows it by inverse kinematics.
 """
 
@@ -11,15 +11,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.rigid import apply, inverse, rotation, transform
-from engine.model.geometry import Floats
-from engine.model.grasping import Approach, ApproachAnswer, NoApproach
-from engine.pipelines.placing.answers import Carry
-from engine.pipelines.placing.holding import BACK_M, Reach
-from engine.pipelines.placing.task import Coming, Task
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.approach import GraspPlane, Grid, by_potential, complete
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import apply, inverse, rotation, transform
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.grasping import Approach, ApproachAnswer, NoApproach
+from cellwright.engine.pipelines.placing.answers import Carry
+from cellwright.engine.pipelines.placing.holding import BACK_M, Reach
+from cellwright.engine.pipelines.placing.task import Coming, Task
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.approach import GraspPlane, Grid, by_potential, complete
+from cellwright.kb.model.scene import Scene
 
 REACH_M = 0.3  # around the grasp, in which obstacles count
 APART_M = 0.004  # between the points that stand for surfaces

@@ -3,22 +3,22 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from engine.model.assembly import Assembled, Contradiction
-from engine.model.geometry import Floats
-from engine.model.vision import NotLocated
-from engine.pipelines.placing.answers import Carry
-from engine.pipelines.placing.goals import goal_of
-from engine.pipelines.placing.looking import Looked, look
-from engine.pipelines.placing.ordering import NotBuilt, Ordered, ordered
-from engine.pipelines.placing.placing import contradicted, likeliest, unseen
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.yard import Move, Obstacle, Spot, Yard
-from engine.stages.geometry.world.model import World
-from kb.model.cell import BodyKind
-from kb.model.domain import Domain
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.model.scene import Scene
+from cellwright.engine.model.assembly import Assembled, Contradiction
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import NotLocated
+from cellwright.engine.pipelines.placing.answers import Carry
+from cellwright.engine.pipelines.placing.goals import goal_of
+from cellwright.engine.pipelines.placing.looking import Looked, look
+from cellwright.engine.pipelines.placing.ordering import NotBuilt, Ordered, ordered
+from cellwright.engine.pipelines.placing.placing import contradicted, likeliest, unseen
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.yard import Move, Obstacle, Spot, Yard
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import BodyKind
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.scene import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,23 +8,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import inverse
-from engine.model.geometry import Floats
-from engine.model.vision import DepthImage, Located
-from engine.pipelines.placing.looking import camera_of, camera_pose, corrected, made_camera
-from engine.pipelines.placing.optics import Optics, drawn_errors
-from engine.pipelines.placing.showing import HOLD, held_target, shown, target_holds
-from engine.stages.geometry.world.model import World
-from engine.stages.vision.calibration import (
+from cellwright.engine.kernels.rigid import inverse
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import DepthImage, Located
+from cellwright.engine.pipelines.placing.looking import camera_of, camera_pose, corrected, made_camera
+from cellwright.engine.pipelines.placing.optics import Optics, drawn_errors
+from cellwright.engine.pipelines.placing.showing import HOLD, held_target, shown, target_holds
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.vision.calibration import (
     CameraCalibration,
     RangeCalibration,
     calibrated_camera,
     calibrated_range,
 )
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.localisation import Ground, locate
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.scene import CameraFound, Scene
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.localisation import Ground, locate
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.scene import CameraFound, Scene
 
 CHANGED = 6.0  # times the noise: what differs more from the empty scene is new
 ROUNDS = 2  # the target is located again with the intrinsics that were found

@@ -6,14 +6,14 @@ from math import radians
 from pathlib import Path
 from typing import Any, Protocol
 
-from engine.pipelines.placing.optics import Errors, Optics, drawn_errors
-from engine.pipelines.placing.seeing import Seeing, Shows, held_still
-from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
-from engine.stages.geometry.world.model import World
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.scene import load_scene
-from kb.model.scene import Scene
-from kb.numbers import NumberError, decimal
+from cellwright.engine.pipelines.placing.optics import Errors, Optics, drawn_errors
+from cellwright.engine.pipelines.placing.seeing import Seeing, Shows, held_still
+from cellwright.engine.stages.diagnosis.knowledge import CURED, NOT_CURED
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.numbers import NumberError, decimal
 
 REPAIRS = {"calibrate_the_camera": "calibrate_camera", "calibrate_the_range": "calibrate_range"}
 

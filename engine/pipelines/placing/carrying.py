@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.kernels.geometry.proof import proved
-from engine.kernels.rigid import inverse
-from engine.model.geometry import Floats
-from engine.model.motion import FINEST_M, Moved, Query, Strategy
-from engine.pipelines.placing.answers import Carry, Leg, NotPlaced
-from engine.pipelines.placing.approaching import WayOut
-from engine.pipelines.placing.holding import HAND, Reach, with_hand
-from engine.pipelines.placing.task import UNKNOWN, Task
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.motion.planner import tried
+from cellwright.engine.kernels.geometry.proof import proved
+from cellwright.engine.kernels.rigid import inverse
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import FINEST_M, Moved, Query, Strategy
+from cellwright.engine.pipelines.placing.answers import Carry, Leg, NotPlaced
+from cellwright.engine.pipelines.placing.approaching import WayOut
+from cellwright.engine.pipelines.placing.holding import HAND, Reach, with_hand
+from cellwright.engine.pipelines.placing.task import UNKNOWN, Task
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.motion.planner import tried
 
 LIFT_M = 0.08
 BUDGET = 20_000  # configurations that the search for one motion looks at

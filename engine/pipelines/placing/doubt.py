@@ -4,9 +4,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.vision import Located
-from engine.pipelines.placing.answers import Carry, Placed
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Located
+from cellwright.engine.pipelines.placing.answers import Carry, Placed
 
 SIGMAS = 3.0  # standard deviations within which a pose is taken to be
 

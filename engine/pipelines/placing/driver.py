@@ -1,9 +1,9 @@
 """The driver `camera`: the simulated cell, with a camera of a scene that really makes images."""
 
-from engine.pipelines.placing.camera_cell import CameraCell, seeing_of
-from engine.pipelines.simulator import HiddenCell, Simulator, fault_base, settings_of
-from engine.ports import DriverSetup
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.engine.pipelines.placing.camera_cell import CameraCell, seeing_of
+from cellwright.engine.pipelines.simulator import HiddenCell, Simulator, fault_base, settings_of
+from cellwright.engine.ports import DriverSetup
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 OPTIONS = ("scene", "calibration", "maps", "moved", "lens", "depths")
 

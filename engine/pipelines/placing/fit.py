@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from engine.kernels.rigid import apply
-from engine.model.geometry import Floats
-from engine.pipelines.placing.task import Task
-from engine.plugins import geometry_backend
-from engine.stages.geometry.world.scenes import free_scene_of
-from engine.stages.grasping.insertion import Insertion, planned
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.world.scenes import free_scene_of
+from cellwright.engine.stages.grasping.insertion import Insertion, planned
 
 LOOSE_M = 0.003  # a part with more room than this is not inserted, but laid down
 TOUCH_M = 2e-5  # what overlaps by less does not count: relations are met to this

@@ -4,17 +4,17 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from engine.kernels.rigid import apply
-from engine.model.assembly import AssemblyAnswer, Feature, FeatureKind, Relation, RelationKind
-from engine.model.geometry import Floats
-from engine.stages.assembly.relations import assemble
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.parts import features
-from engine.stages.geometry.world.model import World
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.model.cell import Body
-from kb.model.scene import SaidRelation, Scene
-from kb.model.shapes import Cylinder, PlacedShape
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.assembly import AssemblyAnswer, Feature, FeatureKind, Relation, RelationKind
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.assembly.relations import assemble
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.parts import features
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.model.cell import Body
+from cellwright.kb.model.scene import SaidRelation, Scene
+from cellwright.kb.model.shapes import Cylinder, PlacedShape
 
 
 def goal_of(scene: Scene, world: World, parts: Collection[str], base: str) -> AssemblyAnswer:

@@ -10,22 +10,22 @@ from typing import TypeVar
 
 import numpy as np
 
-from engine.kernels.rigid import inverse
-from engine.model.geometry import Floats, Truths
-from engine.model.grasping import Grasp, ParallelJaws, ThreeFingers
-from engine.model.solid import Solid
-from engine.plugins import geometry_backend
-from engine.ports import CollisionChecker, GeometryBackend, Gripper
-from engine.stages.geometry.reach.hand import ArmHand
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from engine.stages.grasping.blocks import meet
-from engine.stages.grasping.grasps import grasps
-from engine.stages.grasping.placements import volume_and_centre
-from engine.stages.grasping.three_fingers import three_finger_grasps
-from kb.model.cell import Body, BodyKind, Placement
-from kb.model.scene import HandEntry, Scene
-from kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.engine.kernels.rigid import inverse
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.grasping import Grasp, ParallelJaws, ThreeFingers
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.ports import CollisionChecker, GeometryBackend, Gripper
+from cellwright.engine.stages.geometry.reach.hand import ArmHand
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.grasping.blocks import meet
+from cellwright.engine.stages.grasping.grasps import grasps
+from cellwright.engine.stages.grasping.placements import volume_and_centre
+from cellwright.engine.stages.grasping.three_fingers import three_finger_grasps
+from cellwright.kb.model.cell import Body, BodyKind, Placement
+from cellwright.kb.model.scene import HandEntry, Scene
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
 
 HAND = "the_hand"  # the body that stands for the gripper; no file can name it so, since a scene's cell is checked for it
 TURNS = 24

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.stages.grasping.insertion import Inserting, Insertion, Phase, Search, advance, begun
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.grasping.insertion import Inserting, Insertion, Phase, Search, advance, begun
 
 SIDES = 24
 STEP_S = 0.0005

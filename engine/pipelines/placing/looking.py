@@ -5,17 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import inverse, skew
-from engine.model.geometry import Floats
-from engine.model.vision import Camera, DepthImage, NotLocated, Sighting
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.images import Sensor, disturbed, rendered
-from engine.stages.vision.localisation import Ground, locate
-from engine.stages.vision.outlines import regions_of
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import inverse, skew
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Camera, DepthImage, NotLocated, Sighting
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.images import Sensor, disturbed, rendered
+from cellwright.engine.stages.vision.localisation import Ground, locate
+from cellwright.engine.stages.vision.outlines import regions_of
+from cellwright.kb.model.scene import Scene
 
 KNOWN = 4.0  # of the noise: what is nearer to the known scene is that
 

@@ -6,12 +6,12 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
-from engine.kernels.rigid import apply, inverse
-from engine.model.geometry import Floats, Truths
-from engine.model.solid import Solid
-from engine.pipelines.placing.looking import Looked
-from engine.stages.vision.images import rendered
-from kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.engine.kernels.rigid import apply, inverse
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.pipelines.placing.looking import Looked
+from cellwright.engine.stages.vision.images import rendered
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
 
 STRIDE = 5  # pixels between lines of sight
 GROWN_PX = 4  # around the part's picture, which are the part's own edges

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import inverse, transform, turned
-from engine.model.geometry import Floats
-from engine.model.vision import Camera
-from engine.pipelines.placing.looking import camera_of, camera_pose
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.vision.images import Sensor, disturbed, rendered
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import inverse, transform, turned
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Camera
+from cellwright.engine.pipelines.placing.looking import camera_of, camera_pose
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.vision.images import Sensor, disturbed, rendered
+from cellwright.kb.model.scene import Scene
 
 DISTANCES = (
     0.6,

@@ -9,15 +9,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from engine.model.geometry import Floats
-from engine.model.outcome import Found
-from engine.pipelines.placing.answers import Carry, NotPlaced
-from engine.pipelines.placing.yard import Move, Obstacle, Spot, Way, Yard
-from engine.pipelines.planning import planned
-from kb.model.domain import Domain
-from kb.model.plan import Plan, in_sequence
-from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.placing.answers import Carry, NotPlaced
+from cellwright.engine.pipelines.placing.yard import Move, Obstacle, Spot, Way, Yard
+from cellwright.engine.pipelines.planning import planned
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.plan import Plan, in_sequence
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function
 
 MOST = 200  # plans that are tried
 MOVES = ("place", "place_by_regrasps", "set_aside")
@@ -122,7 +122,7 @@ def problem_with(
 
     A part without a spot is lost, and need not be brought anywhere.
     """
-    from kb.loader import with_goals
+    from cellwright.kb.loader import with_goals
 
     names = {f"obstacle_{n}": each for n, each in enumerate(obstacles, 1)}
     objects = {**dict.fromkeys(parts, "part"), **dict.fromkeys(names, "obstacle")}

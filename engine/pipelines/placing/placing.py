@@ -4,20 +4,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import difference
-from engine.model.assembly import Contradiction
-from engine.model.geometry import Floats
-from engine.model.vision import Located, NotLocated
-from engine.pipelines.placing.answers import NotPlaced, PlaceAnswer, Placed
-from engine.pipelines.placing.doubt import brought as doubted
-from engine.pipelines.placing.fit import insertion_of
-from engine.pipelines.placing.goals import goal_of
-from engine.pipelines.placing.looking import Looked, look
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.task import Coming, Manner
-from engine.pipelines.placing.ways import brought
-from engine.stages.geometry.world.model import World
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import difference
+from cellwright.engine.model.assembly import Contradiction
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Located, NotLocated
+from cellwright.engine.pipelines.placing.answers import NotPlaced, PlaceAnswer, Placed
+from cellwright.engine.pipelines.placing.doubt import brought as doubted
+from cellwright.engine.pipelines.placing.fit import insertion_of
+from cellwright.engine.pipelines.placing.goals import goal_of
+from cellwright.engine.pipelines.placing.looking import Looked, look
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.task import Coming, Manner
+from cellwright.engine.pipelines.placing.ways import brought
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.scene import Scene
 
 ANY_WAY = Manner(Coming.COMPLETE)
 STILL_M, STILL_RAD = 0.002, np.radians(1)  # what has moved less is where it was

@@ -5,19 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.ranging import Recognised
-from engine.model.vision import DepthImage
-from engine.pipelines.placing.looking import KNOWN, camera_of, camera_pose, depth_image, floor
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.images import Sensor, disturbed
-from engine.stages.vision.localisation import Ground
-from engine.stages.vision.recognition import recognised
-from kb.diagnostics import InvalidInput, Source, unknown_name
-from kb.model.cell import BodyKind
-from kb.model.scene import Scene
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.ranging import Recognised
+from cellwright.engine.model.vision import DepthImage
+from cellwright.engine.pipelines.placing.looking import KNOWN, camera_of, camera_pose, depth_image, floor
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.images import Sensor, disturbed
+from cellwright.engine.stages.vision.localisation import Ground
+from cellwright.engine.stages.vision.recognition import recognised
+from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
+from cellwright.kb.model.cell import BodyKind
+from cellwright.kb.model.scene import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)

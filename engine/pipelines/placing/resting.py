@@ -6,10 +6,10 @@ from itertools import combinations
 
 import numpy as np
 
-from engine.model.geometry import Truths
-from engine.pipelines.placing.answers import Placed
-from engine.pipelines.placing.task import Task
-from engine.pipelines.placing.ways import possible, rests, serving
+from cellwright.engine.model.geometry import Truths
+from cellwright.engine.pipelines.placing.answers import Placed
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.pipelines.placing.ways import possible, rests, serving
 
 START, GOAL = "start", "goal"
 

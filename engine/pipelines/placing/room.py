@@ -1,10 +1,10 @@
 """Whether there is room for a part at a pose: it may touch other bodies, but not be inside them."""
 
-from engine.model.geometry import Floats
-from engine.pipelines.placing.answers import NotPlaced
-from engine.pipelines.placing.task import Task
-from engine.plugins import geometry_backend
-from engine.stages.geometry.world.scenes import free_scene_of
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.answers import NotPlaced
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.world.scenes import free_scene_of
 
 PRESSED_M = 0.002  # errors of what was found; what is deeper is no touch
 

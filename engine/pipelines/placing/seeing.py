@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.kernels.rigid import difference, inverse
-from engine.model.geometry import Floats
-from engine.model.vision import Located
-from engine.pipelines.placing.calibrating import (
+from cellwright.engine.kernels.rigid import difference, inverse
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Located
+from cellwright.engine.pipelines.placing.calibrating import (
     CHANGED,
     Readings,
     calibrate_camera,
@@ -25,16 +25,16 @@ from engine.pipelines.placing.calibrating import (
     with_camera,
     with_range,
 )
-from engine.pipelines.placing.looking import camera_pose, corrected
-from engine.pipelines.placing.optics import Optics
-from engine.pipelines.placing.showing import HOLD, held_target, shown, target_holds
-from engine.stages.geometry.world.model import World
-from engine.stages.vision.calibration import RangeCalibration
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.localisation import Ground, locate
-from kb.diagnostics import InvalidInput
-from kb.loader.calibration import calibration_text
-from kb.model.scene import Scene
+from cellwright.engine.pipelines.placing.looking import camera_pose, corrected
+from cellwright.engine.pipelines.placing.optics import Optics
+from cellwright.engine.pipelines.placing.showing import HOLD, held_target, shown, target_holds
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.vision.calibration import RangeCalibration
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.localisation import Ground, locate
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.calibration import calibration_text
+from cellwright.kb.model.scene import Scene
 
 IMAGES = 12  # of the target, for a calibration
 TRIES = 3  # of a check, where the target is not found in an image

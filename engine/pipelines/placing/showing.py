@@ -4,16 +4,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from engine.kernels.rigid import inverse, rotation, transform, turned
-from engine.model.geometry import Floats
-from engine.pipelines.placing.holding import Holds, Reach, holds_of, with_hand
-from engine.pipelines.placing.looking import camera_of, camera_pose
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.vision.images import rendered
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.model.cell import BodyKind
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import inverse, rotation, transform, turned
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.holding import Holds, Reach, holds_of, with_hand
+from cellwright.engine.pipelines.placing.looking import camera_of, camera_pose
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.vision.images import rendered
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.model.cell import BodyKind
+from cellwright.kb.model.scene import Scene
 
 LEAN_RAD = 0.6  # how far the hand leans at most, about each axis
 HOLD = 0  # the number of the hold with which the target is held: any serves

@@ -4,17 +4,17 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from engine.kernels.rigid import inverse
-from engine.model.geometry import Floats
-from engine.model.solid import Solid
-from engine.pipelines.placing.holding import Holds, holds_of
-from engine.pipelines.placing.looking import Looked, table_pose
-from engine.pipelines.placing.obstacles import Unknown
-from engine.pipelines.placing.task import UNKNOWN, USUAL, Manner, Task
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Body, BodyKind, Placement
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import inverse
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.pipelines.placing.holding import Holds, holds_of
+from cellwright.engine.pipelines.placing.looking import Looked, table_pose
+from cellwright.engine.pipelines.placing.obstacles import Unknown
+from cellwright.engine.pipelines.placing.task import UNKNOWN, USUAL, Manner, Task
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Body, BodyKind, Placement
+from cellwright.kb.model.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,14 +6,14 @@ from enum import StrEnum
 
 import numpy as np
 
-from engine.kernels.rigid import apply, inverse
-from engine.model.geometry import Floats
-from engine.model.motion import Strategy
-from engine.model.solid import Solid
-from engine.pipelines.placing.holding import Holds
-from engine.pipelines.placing.obstacles import Unknown
-from engine.stages.geometry.world.model import World
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import apply, inverse
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Strategy
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.pipelines.placing.holding import Holds
+from cellwright.engine.pipelines.placing.obstacles import Unknown
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.scene import Scene
 
 UNKNOWN = "unknown_things"  # the body that stands for all that is only seen
 

@@ -13,22 +13,22 @@ from typing import TypeAlias
 
 import numpy as np
 
-from engine.kernels.rigid import difference, inverse
-from engine.model.assembly import Contradiction
-from engine.model.geometry import Floats, Truths
-from engine.model.grasping import Regrasps
-from engine.model.vision import NotLocated
-from engine.pipelines.placing.answers import NotPlaced
-from engine.pipelines.placing.goals import goal_of
-from engine.pipelines.placing.holding import Holds
-from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.placing import contradicted, likeliest, unseen
-from engine.pipelines.placing.room import no_room
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.task import Task
-from engine.pipelines.placing.ways import possible, rests, serving, shortest
-from engine.stages.geometry.world.model import World
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import difference, inverse
+from cellwright.engine.model.assembly import Contradiction
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.grasping import Regrasps
+from cellwright.engine.model.vision import NotLocated
+from cellwright.engine.pipelines.placing.answers import NotPlaced
+from cellwright.engine.pipelines.placing.goals import goal_of
+from cellwright.engine.pipelines.placing.holding import Holds
+from cellwright.engine.pipelines.placing.looking import look
+from cellwright.engine.pipelines.placing.placing import contradicted, likeliest, unseen
+from cellwright.engine.pipelines.placing.room import no_room
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.pipelines.placing.ways import possible, rests, serving, shortest
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.scene import Scene
 
 NEAR_M, NEAR_RAD = 0.02, np.radians(10)  # how near to a grasp the hand holds the part
 THERE_M, THERE_RAD = 0.003, np.radians(1)

@@ -6,17 +6,17 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from engine.kernels.rigid import rotation, transform
-from engine.model.geometry import Floats, Truths
-from engine.model.grasping import Placement as Lying
-from engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
-from engine.pipelines.placing.answers import Carry, NotPlaced
-from engine.pipelines.placing.carrying import carried, through_unknown
-from engine.pipelines.placing.holding import BACK_M, Reach, with_hand
-from engine.pipelines.placing.room import no_room
-from engine.pipelines.placing.task import Coming, Task
-from engine.stages.grasping.placements import placements, volume_and_centre
-from engine.stages.grasping.regrasps import regrasps
+from cellwright.engine.kernels.rigid import rotation, transform
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.grasping import Placement as Lying
+from cellwright.engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
+from cellwright.engine.pipelines.placing.answers import Carry, NotPlaced
+from cellwright.engine.pipelines.placing.carrying import carried, through_unknown
+from cellwright.engine.pipelines.placing.holding import BACK_M, Reach, with_hand
+from cellwright.engine.pipelines.placing.room import no_room
+from cellwright.engine.pipelines.placing.task import Coming, Task
+from cellwright.engine.stages.grasping.placements import placements, volume_and_centre
+from cellwright.engine.stages.grasping.regrasps import regrasps
 
 TRIED = 6  # holds whose motions are planned before others are given up
 NEAREST = 4  # configurations that are looked at, to find out whether the arm reaches

@@ -10,15 +10,15 @@ from enum import StrEnum
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.pipelines.placing.answers import Carry, NotPlaced
-from engine.pipelines.placing.fit import insertion_of
-from engine.pipelines.placing.room import no_room
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.task import Task
-from engine.pipelines.placing.ways import direct, possible, regrasped, rests
-from engine.stages.grasping.insertion import Insertion
-from engine.stages.grasping.support import carried_by
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.answers import Carry, NotPlaced
+from cellwright.engine.pipelines.placing.fit import insertion_of
+from cellwright.engine.pipelines.placing.room import no_room
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.pipelines.placing.ways import direct, possible, regrasped, rests
+from cellwright.engine.stages.grasping.insertion import Insertion
+from cellwright.engine.stages.grasping.support import carried_by
 
 STEADY_M = 0.002
 

@@ -7,21 +7,21 @@ the place or a body near the poses has changed.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.poses import MeasurementPoses
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.rooms import Room
-from engine.pipelines.places import measured_at, with_measured_places
-from engine.pipelines.poses.digests import Footing, Standing
-from engine.pipelines.poses.finding import Sought, found_poses
-from engine.ports import GeometryBackend
-from engine.stages.geometry.kinematics.inverse import InverseKinematics
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.validation.semantics import Semantics
-from kb.model.cell import Cell, Measuring, Place, Placement
-from kb.model.conventions import Conventions
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Text, is_ground
+from cellwright.engine.model.poses import MeasurementPoses
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.pipelines.places import measured_at, with_measured_places
+from cellwright.engine.pipelines.poses.digests import Footing, Standing
+from cellwright.engine.pipelines.poses.finding import Sought, found_poses
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.cell import Cell, Measuring, Place, Placement
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, Text, is_ground
 
 Key = tuple[str, str, str]  # measurement, tool, station
 TOGETHER = 64  # measurements that are looked at together

@@ -11,16 +11,16 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.poses import Box
-from engine.pipelines.moves.rooms import Room
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.reach.seeing import View
-from engine.stages.geometry.shapes.parts import cores
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Place
-from kb.model.shapes import Mesh, PlacedShape
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.poses import Box
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.reach.seeing import View
+from cellwright.engine.stages.geometry.shapes.parts import cores
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Place
+from cellwright.kb.model.shapes import Mesh, PlacedShape
 
 MARGIN_M = 0.01  # a box is grown by this much: what is farther away cannot touch
 

@@ -9,19 +9,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.poses import MeasurementPoses
-from engine.model.solid import Solid
-from engine.pipelines.moves.rooms import Room
-from engine.pipelines.poses.digests import Footing, Standing, box_of, boxes_of
-from engine.pipelines.poses.views import eye_of, looked_at, patch_of, solids_before
-from engine.pipelines.poses.ways import KEPT, ways_into
-from engine.stages.geometry import transforms
-from engine.stages.geometry.reach.reach import Unreached
-from engine.stages.geometry.reach.seeing import View
-from engine.stages.vision.placement import placed
-from kb.model.cell import Measuring, Patch, Place, Placement
-from kb.model.ranging import Ranging
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.poses import MeasurementPoses
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.pipelines.poses.digests import Footing, Standing, box_of, boxes_of
+from cellwright.engine.pipelines.poses.views import eye_of, looked_at, patch_of, solids_before
+from cellwright.engine.pipelines.poses.ways import KEPT, ways_into
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.reach.reach import Unreached
+from cellwright.engine.stages.geometry.reach.seeing import View
+from cellwright.engine.stages.vision.placement import placed
+from cellwright.kb.model.cell import Measuring, Patch, Place, Placement
+from cellwright.kb.model.ranging import Ranging
 
 AROUND = 4  # directions in which a tool is tilted
 SIDES = 5  # sizes of a patch that are tried

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.poses import Box, MeasurementPoses
-from engine.pipelines.poses import Key, Knowledge, known_poses
-from engine.ports import GeometryBackend
-from kb.json_text import parsed
-from kb.model.cell import Cell, Patch
-from kb.model.problem import Problem
-from kb.store.poses import PoseStore
+from cellwright.engine.model.poses import Box, MeasurementPoses
+from cellwright.engine.pipelines.poses import Key, Knowledge, known_poses
+from cellwright.engine.ports import GeometryBackend
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.cell import Cell, Patch
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.poses import PoseStore
 
 
 def kept_poses(

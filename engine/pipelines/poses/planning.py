@@ -3,15 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from engine.model.measurements import asked_for, chooses_tools, is_shared
-from engine.pipelines.moves.planning import Moving, plan_moving
-from engine.pipelines.moves.walking import Ways
-from engine.pipelines.objective import Run
-from engine.pipelines.poses import Knowledge, known_poses, with_stations
-from engine.pipelines.poses.keeping import kept_poses
-from engine.ports import GeometryBackend
-from kb.model.cell import Cell
-from kb.model.problem import Problem
+from cellwright.engine.model.measurements import asked_for, chooses_tools, is_shared
+from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
+from cellwright.engine.pipelines.moves.walking import Ways
+from cellwright.engine.pipelines.objective import Run
+from cellwright.engine.pipelines.poses import Knowledge, known_poses, with_stations
+from cellwright.engine.pipelines.poses.keeping import kept_poses
+from cellwright.engine.ports import GeometryBackend
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.problem import Problem
 
 
 @dataclass(frozen=True, slots=True, eq=False)

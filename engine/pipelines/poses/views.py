@@ -5,20 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.rigid import apply, inverse
-from engine.model.geometry import Floats
-from engine.model.poses import Box
-from engine.model.ranging import RangeImage, Vague, Window, picture_of
-from engine.model.solid import Solid
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.pictures.surfaces import mesh_of
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import pieces_of
-from engine.stages.vision.placement import PlacedPatch
-from engine.stages.vision.ranging import expected, resolved, scanned
-from kb.model.cell import Measuring, Patch, Place
-from kb.model.ranging import Ranging
+from cellwright.engine.kernels.rigid import apply, inverse
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.poses import Box
+from cellwright.engine.model.ranging import RangeImage, Vague, Window, picture_of
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.pictures.surfaces import mesh_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import pieces_of
+from cellwright.engine.stages.vision.placement import PlacedPatch
+from cellwright.engine.stages.vision.ranging import expected, resolved, scanned
+from cellwright.kb.model.cell import Measuring, Patch, Place
+from cellwright.kb.model.ranging import Ranging
 
 
 @dataclass(frozen=True, slots=True, eq=False)

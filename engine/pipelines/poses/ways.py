@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from engine.model.geometry import Floats, Truths
-from engine.pipelines.moves.rooms import JUMP, Room
-from kb.model.cell import Place
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.pipelines.moves.rooms import JUMP, Room
+from cellwright.kb.model.cell import Place
 
 KEPT = 6  # ways that are kept of a place
 TRIED = 48  # free configurations whose way in is looked at

@@ -9,28 +9,28 @@ from collections import Counter
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 
-from engine.pipelines.planning import loaded
-from engine.pipelines.preparation import notes
-from engine.pipelines.preparation.poses import find_poses, with_found
-from engine.pipelines.preparation.problem import lost, work
-from engine.pipelines.preparation.results import (
+from cellwright.engine.pipelines.planning import loaded
+from cellwright.engine.pipelines.preparation import notes
+from cellwright.engine.pipelines.preparation.poses import find_poses, with_found
+from cellwright.engine.pipelines.preparation.problem import lost, work
+from cellwright.engine.pipelines.preparation.results import (
     KeptPoses,
     KeptSequence,
     Preparation,
     PreparationJob,
     Prepared,
 )
-from engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, silent
-from engine.pipelines.units.content import content, everywhere
-from engine.pipelines.units.course import INTERRUPTED
-from engine.pipelines.units.crews import Alone
-from engine.stages.macros.lifted.digests import Digests
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.loader.references import domain_of
-from kb.model.domain import Domain
-from kb.stopping import Stopped
-from kb.store import Library
+from cellwright.engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, silent
+from cellwright.engine.pipelines.units.content import content, everywhere
+from cellwright.engine.pipelines.units.course import INTERRUPTED
+from cellwright.engine.pipelines.units.crews import Alone
+from cellwright.engine.stages.macros.lifted.digests import Digests
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.references import domain_of
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.stopping import Stopped
+from cellwright.kb.store import Library
 
 __all__ = ["KeptPoses", "KeptSequence", "Preparation", "Prepared", "prepare", "silent"]
 

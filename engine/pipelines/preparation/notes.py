@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from engine.pipelines.preparation.results import KeptPoses, KeptSequence, Prepared
+from cellwright.engine.pipelines.preparation.results import KeptPoses, KeptSequence, Prepared
 
 
 def finished(prepared: Prepared) -> bool:

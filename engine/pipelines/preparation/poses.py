@@ -11,17 +11,17 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from engine.kernels.cancellation import Interrupted
-from engine.model.measurements import chooses_tools, measurements_of
-from engine.pipelines.planning import loaded
-from engine.pipelines.preparation.results import PreparationJob, Prepared
-from engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out
-from engine.pipelines.units.content import require_same
-from kb.diagnostics import InvalidInput
-from kb.model.cell import Cell
-from kb.model.problem import Problem
-from kb.stopping import Stopped
-from kb.targets import CELL_FILE
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.model.measurements import chooses_tools, measurements_of
+from cellwright.engine.pipelines.planning import loaded
+from cellwright.engine.pipelines.preparation.results import PreparationJob, Prepared
+from cellwright.engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out
+from cellwright.engine.pipelines.units.content import require_same
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.stopping import Stopped
+from cellwright.kb.targets import CELL_FILE
 
 MANY = 128  # measurements of one unit
 FEW = 16  # problems; with more of them all workers have something to do anyway
@@ -75,7 +75,7 @@ def cell_of_measurements(problem: Problem) -> Cell | None:
     path = Path(problem.domain.path).with_name(CELL_FILE)
     if not chooses_tools(problem.domain) or not problem.domain.path or not path.is_file():
         return None
-    from kb.loader.cell import load_cell
+    from cellwright.kb.loader.cell import load_cell
 
     cell = load_cell(path)
     return cell if cell.operations else None
@@ -96,8 +96,8 @@ def _units(job: PreparationJob) -> Iterator[Unit[PosesJob]]:
 
 
 def _find(asked: PosesJob, interrupted: Interrupted) -> PosesFound:
-    from engine.pipelines.poses.keeping import kept_poses  # geometry is slow to load
-    from engine.plugins import geometry_backend
+    from cellwright.engine.pipelines.poses.keeping import kept_poses  # geometry is slow to load
+    from cellwright.engine.plugins import geometry_backend
 
     job = asked.job
     try:

@@ -2,23 +2,23 @@
 
 from dataclasses import replace
 
-from engine.kernels.cancellation import Interrupted
-from engine.model.measurements import chooses_tools
-from engine.model.outcome import Found, GaveUp
-from engine.pipelines.objective import sequenced
-from engine.pipelines.planning import LARGE, loaded
-from engine.pipelines.preparation.poses import cell_of_measurements
-from engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
-from engine.pipelines.reuse.practice import Answered, Practice
-from engine.pipelines.units import Drafted
-from engine.pipelines.units.content import require_same
-from engine.pipelines.units.course import INTERRUPTED
-from engine.stages.grounding.limits import size
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
-from kb.stopping import Stopped
-from kb.store.draft import Draft
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.model.measurements import chooses_tools
+from cellwright.engine.model.outcome import Found, GaveUp
+from cellwright.engine.pipelines.objective import sequenced
+from cellwright.engine.pipelines.planning import LARGE, loaded
+from cellwright.engine.pipelines.preparation.poses import cell_of_measurements
+from cellwright.engine.pipelines.preparation.results import KeptPoses, KeptSequence, PreparationJob, Prepared
+from cellwright.engine.pipelines.reuse.practice import Answered, Practice
+from cellwright.engine.pipelines.units import Drafted
+from cellwright.engine.pipelines.units.content import require_same
+from cellwright.engine.pipelines.units.course import INTERRUPTED
+from cellwright.engine.stages.grounding.limits import size
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.stopping import Stopped
+from cellwright.kb.store.draft import Draft
 
 UNUSABLE = "K416"  # of a library: another time it may be there
 
@@ -86,8 +86,8 @@ def _poses(store: str, problem: Problem) -> KeptPoses | None:
     cell = cell_of_measurements(problem)
     if cell is None:
         return None
-    from engine.pipelines.poses.keeping import kept_poses  # geometry is slow to load
-    from engine.plugins import geometry_backend
+    from cellwright.engine.pipelines.poses.keeping import kept_poses  # geometry is slow to load
+    from cellwright.engine.plugins import geometry_backend
 
     found = kept_poses(store, problem, cell, geometry_backend())
     reached = {each.measurement for each in found.poses.values() if each.reached}
@@ -96,7 +96,9 @@ def _poses(store: str, problem: Problem) -> KeptPoses | None:
 
 def _kept(store: str, problem: Problem) -> KeptSequence:
     """Bring the kept sequence of a problem's measurements up to date in the store, and report on it."""
-    from engine.pipelines.parts.keeping import carry_on  # slow to load, and only inspections need it
+    from cellwright.engine.pipelines.parts.keeping import (
+        carry_on,  # slow to load, and only inspections need it
+    )
 
     found = carry_on(store, problem)
     counts = {

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic
+from cellwright.kb.diagnostics import Diagnostic
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from engine.pipelines.files import loaded
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader import find, problem_files
+from cellwright.engine.pipelines.files import loaded
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.loader import find, problem_files
 
 
 def problems_of(target: str) -> list[Path]:

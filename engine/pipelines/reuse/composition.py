@@ -10,18 +10,18 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from engine.model.replay import instances, reached_goals, replayed
-from engine.model.task import GroundOperator, Task
-from engine.stages.grounding import ground
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup.checking import check
-from engine.stages.macros.lookup.query import Query, signature
-from engine.stages.planning.elimination import eliminate
-from engine.stages.planning.improvement.deorder import deorder, is_internal
-from kb.model.conditions import TRUE, And, Literal, goal_parts
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import ordered
+from cellwright.engine.model.replay import instances, reached_goals, replayed
+from cellwright.engine.model.task import GroundOperator, Task
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lookup.checking import check
+from cellwright.engine.stages.macros.lookup.query import Query, signature
+from cellwright.engine.stages.planning.elimination import eliminate
+from cellwright.engine.stages.planning.improvement.deorder import deorder, is_internal
+from cellwright.kb.model.conditions import TRUE, And, Literal, goal_parts
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ordered
 
 ALIKE = 3  # so many parts with the same signature make composing worth while
 LOOK = 4  # the number of parts that are looked up at a time; the cheapest of them is taken

@@ -5,17 +5,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.pipelines import planning
-from engine.pipelines.reuse.subsequences import SIGNATURE
-from engine.stages.macros.learning.generalise import NotGeneral, generalise
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.macros.lookup.repertoire import record_of
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import Diagnostic, InvalidInput, Source, escaped
-from kb.files import read_file
-from kb.json_text import parsed
-from kb.model.macro import Macrop
-from kb.store import Library, NotationError, Record, document, macrop_of
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.reuse.subsequences import SIGNATURE
+from cellwright.engine.stages.macros.learning.generalise import NotGeneral, generalise
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.macros.lookup.repertoire import record_of
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, escaped
+from cellwright.kb.files import read_file
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.store import Library, NotationError, Record, document, macrop_of
 
 VERSION = 1
 MAX_BYTES = 1024 * 2**20  # of a file of MACROPs

@@ -4,28 +4,28 @@ import time
 from dataclasses import dataclass, replace
 from types import TracebackType
 
-from engine.model.forecast import makespan
-from engine.model.outcome import Found, Outcome, Statistics
-from engine.pipelines import planning
-from engine.pipelines.gate import CELLS, PlanGate
-from engine.pipelines.reuse.composition import PlanPart, Served, compose, kinds_of, worth_composing
-from engine.pipelines.reuse.subsequences import Subsequences
-from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.program import Vocabulary
-from engine.stages.macros.learning.generalise import NotGeneral, generalise
-from engine.stages.macros.lifted.execution import executed
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomains
-from engine.stages.macros.lookup.query import Query, query
-from engine.stages.macros.lookup.repertoire import Repertoire
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.model.domain import Domain
-from kb.model.macro import MacroPart
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.store import Library
-from kb.terms import ordered
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.outcome import Found, Outcome, Statistics
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.gate import CELLS, PlanGate
+from cellwright.engine.pipelines.reuse.composition import PlanPart, Served, compose, kinds_of, worth_composing
+from cellwright.engine.pipelines.reuse.subsequences import Subsequences
+from cellwright.engine.stages.grounding.initial import initial_state
+from cellwright.engine.stages.grounding.program import Vocabulary
+from cellwright.engine.stages.macros.learning.generalise import NotGeneral, generalise
+from cellwright.engine.stages.macros.lifted.execution import executed
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomains
+from cellwright.engine.stages.macros.lookup.query import Query, query
+from cellwright.engine.stages.macros.lookup.repertoire import Repertoire
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.macro import MacroPart
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library
+from cellwright.kb.terms import ordered
 
 LONG_SEARCH = 5_000  # a search of so many expansions is long: it is worth while to avoid it
 LARGEST = 100  # the most steps of a plan that is learned: the time of generalising grows with their square

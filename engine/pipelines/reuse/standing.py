@@ -16,15 +16,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from engine.pipelines.reuse.practice import Cells, Practice
-from engine.stages.macros.lookup.repertoire import AHEAD, Repertoire
-from engine.stages.planning import Limits
-from kb.cycles import search_now
-from kb.diagnostics import InvalidInput
-from kb.loader.amounts import version_of_cell
-from kb.model.domain import Domain
-from kb.store import Library
-from kb.store.opening import note_opened
+from cellwright.engine.pipelines.reuse.practice import Cells, Practice
+from cellwright.engine.stages.macros.lookup.repertoire import AHEAD, Repertoire
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.cycles import search_now
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.amounts import version_of_cell
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.store import Library
+from cellwright.kb.store.opening import note_opened
 
 MOST = 4  # libraries and domains that a thread keeps
 LARGEST = 20_000  # MACROPs of a domain; above that its outlines are not kept

@@ -11,12 +11,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from engine.kernels.cancellation import Interrupted
-from engine.model.outcome import Statistics
-from engine.model.task import Task
-from engine.pipelines.reuse.composition import PlanPart
-from engine.stages.macros.learning.generalise import NotGeneral, generalise
-from engine.stages.macros.learning.subsequences import (
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.model.outcome import Statistics
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.reuse.composition import PlanPart
+from cellwright.engine.stages.macros.learning.generalise import NotGeneral, generalise
+from cellwright.engine.stages.macros.learning.subsequences import (
     LARGEST,
     Order,
     Recurring,
@@ -25,21 +25,21 @@ from engine.stages.macros.learning.subsequences import (
     recurring,
     shape,
 )
-from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lifted.execution import executed
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup.specialise import specialised
-from engine.stages.planning import Macros
-from engine.stages.planning.composites import Pattern
-from engine.stages.planning.utility import TOGETHER, Trial, measured
-from kb.model.conditions import And, Literal
-from kb.model.domain import Domain
-from kb.model.macro import Macrop, MacroPart
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.store import Library, Record, Stored, Use
-from kb.store.utilities import Figures, Utility
-from kb.terms import Function, ordered
+from cellwright.engine.stages.macros.lifted.digests import Digests
+from cellwright.engine.stages.macros.lifted.execution import executed
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lookup.specialise import specialised
+from cellwright.engine.stages.planning import Macros
+from cellwright.engine.stages.planning.composites import Pattern
+from cellwright.engine.stages.planning.utility import TOGETHER, Trial, measured
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.macro import Macrop, MacroPart
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library, Record, Stored, Use
+from cellwright.kb.store.utilities import Figures, Utility
+from cellwright.kb.terms import Function, ordered
 
 SIGNATURE = "(sub-sequence)"
 SEARCHES = ("backward", "forward")

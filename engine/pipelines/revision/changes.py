@@ -3,14 +3,14 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from engine.model.cases import Revision
-from engine.pipelines.attainment import Obstacles
-from engine.pipelines.barring import barred
-from engine.pipelines.simulation import Dynamics, WorldState
-from engine.stages.validation.changes import State
-from kb.model.domain import Kind
-from kb.model.problem import Problem
-from kb.terms import Atom, is_ground, ordered
+from cellwright.engine.model.cases import Revision
+from cellwright.engine.pipelines.attainment import Obstacles
+from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.simulation import Dynamics, WorldState
+from cellwright.engine.stages.validation.changes import State
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, is_ground, ordered
 
 
 @dataclass(frozen=True)

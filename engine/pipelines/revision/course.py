@@ -8,17 +8,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.quantities import Comparing, Level
-from engine.model.replay import Instances, instances, reached_at_the_end, replayed, settled
-from engine.model.stages import STAGE, stage_atom
-from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import task_for
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number
+from cellwright.engine.model.quantities import Comparing, Level
+from cellwright.engine.model.replay import Instances, instances, reached_at_the_end, replayed, settled
+from cellwright.engine.model.stages import STAGE, stage_atom
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.planning import task_for
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number
 
 
 @dataclass(frozen=True)

@@ -2,20 +2,26 @@
 
 from collections.abc import Collection, Iterable, Iterator
 
-from engine.model.cases import Revision as Believed
-from engine.pipelines.barring import barred
-from engine.pipelines.revision.changes import Changes
-from engine.pipelines.revision.course import Course
-from engine.pipelines.revision.observing import expected, following, observed, read_done, read_facts
-from engine.pipelines.revision.remaining import rest_of
-from engine.pipelines.revision.revise import PlanRevision, Sequencer, no_sequence, revise
-from engine.pipelines.simulation import Dynamics
-from engine.stages.planning import Limits
-from kb.asp import AspError, ground_term
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Term, is_ground
+from cellwright.engine.model.cases import Revision as Believed
+from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.revision.changes import Changes
+from cellwright.engine.pipelines.revision.course import Course
+from cellwright.engine.pipelines.revision.observing import (
+    expected,
+    following,
+    observed,
+    read_done,
+    read_facts,
+)
+from cellwright.engine.pipelines.revision.remaining import rest_of
+from cellwright.engine.pipelines.revision.revise import PlanRevision, Sequencer, no_sequence, revise
+from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, Term, is_ground
 
 LOST = Source("--lost")
 Words = tuple[str, str, str, str]

@@ -2,18 +2,18 @@
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
-from engine.pipelines.revision.course import Course
-from engine.pipelines.simulation import Dynamics
-from engine.stages.macros.lifted.execution import changes_of
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.validation.changes import State, StepChange
-from engine.stages.validation.semantics import Semantics
-from kb.asp import AspError, ground_term
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.model.domain import Domain, Kind
-from kb.model.plan import Plan, StepId
-from kb.numbers import is_count
-from kb.terms import Atom, Function, ordered
+from cellwright.engine.pipelines.revision.course import Course
+from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.engine.stages.macros.lifted.execution import changes_of
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.validation.changes import State, StepChange
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.model.domain import Domain, Kind
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.numbers import is_count
+from cellwright.kb.terms import Atom, Function, ordered
 
 SHOWN = 8  # names in a hint
 

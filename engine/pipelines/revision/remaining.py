@@ -3,15 +3,15 @@
 import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from engine.pipelines.simulation import Dynamics
-from engine.pipelines.simulation.faulty import history
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import StepChange
-from kb.model.conditions import And, Condition, Literal, goal_parts
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Chain, Problem
-from kb.model.workflow import advanced, begun, finished, holding, lasting
-from kb.terms import Atom, ordered
+from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.engine.pipelines.simulation.faulty import history
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import StepChange
+from cellwright.kb.model.conditions import And, Condition, Literal, goal_parts
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.workflow import advanced, begun, finished, holding, lasting
+from cellwright.kb.terms import Atom, ordered
 
 
 def stages_reached(

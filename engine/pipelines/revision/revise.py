@@ -12,24 +12,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.outcome import Found, GaveUp, Outcome
-from engine.model.replay import early
-from engine.model.stages import STAGE
-from engine.model.task import Bits, GroundOperator
-from engine.pipelines import planning
-from engine.pipelines.attainment import GivenUp, Obstacles, attainable
-from engine.pipelines.revision.course import Course
-from engine.pipelines.revision.remaining import remaining, stages_reached
-from engine.stages.macros.lifted.execution import changes_of
-from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
-from engine.stages.planning.elimination import eliminate
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.planning.variants import plainly
-from kb.diagnostics import InvalidInput
-from kb.model.plan import CausalLink, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Text
+from cellwright.engine.model.outcome import Found, GaveUp, Outcome
+from cellwright.engine.model.replay import early
+from cellwright.engine.model.stages import STAGE
+from cellwright.engine.model.task import Bits, GroundOperator
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.attainment import GivenUp, Obstacles, attainable
+from cellwright.engine.pipelines.revision.course import Course
+from cellwright.engine.pipelines.revision.remaining import remaining, stages_reached
+from cellwright.engine.stages.macros.lifted.execution import changes_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import plan as plan_task
+from cellwright.engine.stages.planning.elimination import eliminate
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.planning.variants import plainly
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.plan import CausalLink, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, Text
 
 Sequencer = Callable[[Problem, Limits], Outcome | None]
 """The answer for a problem whose acts the domain puts in order, as an inspection's measurements; None for any other."""

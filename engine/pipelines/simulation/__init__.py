@@ -3,8 +3,8 @@
 `Dynamics` says what a step does in a state, and `FaultyCell` what it does while causes of an exception are there.
 """
 
-from engine.pipelines.simulation.dynamics import Dynamics, WorldState
-from engine.pipelines.simulation.faulty import Achievement, FaultyCell, Memory
-from engine.pipelines.simulation.world import SymbolicWorld
+from cellwright.engine.pipelines.simulation.dynamics import Dynamics, WorldState
+from cellwright.engine.pipelines.simulation.faulty import Achievement, FaultyCell, Memory
+from cellwright.engine.pipelines.simulation.world import SymbolicWorld
 
 __all__ = ["Achievement", "Dynamics", "FaultyCell", "Memory", "SymbolicWorld", "WorldState"]

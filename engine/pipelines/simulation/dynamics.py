@@ -4,16 +4,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
-from engine.model.task import Task
-from engine.stages.grounding import ground
-from engine.stages.validation.changes import Denial, State, StepChange
-from engine.stages.validation.datalog import holds, solve
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import Condition, Literal, StateAggregate, goal_parts
-from kb.model.problem import Problem
-from kb.model.workflow import Listed, advanced, begun, holding, reached_as
-from kb.terms import Atom, Function, Term, Variable, is_ground, match, ordered, substitute_atom
+from cellwright.engine.model.task import Task
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.validation.changes import Denial, State, StepChange
+from cellwright.engine.stages.validation.datalog import holds, solve
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import Condition, Literal, StateAggregate, goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import Listed, advanced, begun, holding, reached_as
+from cellwright.kb.terms import Atom, Function, Term, Variable, is_ground, match, ordered, substitute_atom
 
 Move = tuple[str, int, Atom]  # a chain, the number of its stage that is reached, and the atom that reaches it
 

@@ -6,13 +6,13 @@ Everything is a function of a state and of the causes, so that a true world and 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.pipelines.barring import barred
-from engine.pipelines.simulation.dynamics import Dynamics, Move, WorldState, fits
-from engine.stages.diagnosis.revision import Binding, bound
-from engine.stages.validation.semantics import Semantics
-from kb.model.faults import FaultModel, FaultTest, Repair
-from kb.model.plan import Plan, StepId
-from kb.terms import (
+from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.simulation.dynamics import Dynamics, Move, WorldState, fits
+from cellwright.engine.stages.diagnosis.revision import Binding, bound
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.faults import FaultModel, FaultTest, Repair
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Function,

@@ -3,13 +3,13 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from engine.pipelines.simulation.dynamics import Move, WorldState
-from engine.pipelines.simulation.faulty import Achievement
-from engine.stages.macros.lifted.world import StepChange
-from kb.model.plan import StepId
-from kb.model.problem import Chain, Problem
-from kb.model.workflow import Listed, advanced, begun, holding, reached_as
-from kb.terms import Atom, Function, parts_of
+from cellwright.engine.pipelines.simulation.dynamics import Move, WorldState
+from cellwright.engine.pipelines.simulation.faulty import Achievement
+from cellwright.engine.stages.macros.lifted.world import StepChange
+from cellwright.kb.model.plan import StepId
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.workflow import Listed, advanced, begun, holding, reached_as
+from cellwright.kb.terms import Atom, Function, parts_of
 
 
 @dataclass

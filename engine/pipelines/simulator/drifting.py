@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from kb.numbers import is_number
-from kb.terms import Function
+from cellwright.kb.numbers import is_number
+from cellwright.kb.terms import Function
 
 KEYS = ("per_value", "calibrated_by", "allowance", "cause")
 WARM = "values"

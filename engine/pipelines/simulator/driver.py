@@ -12,21 +12,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
-from engine.model.number_set import NumberSet
-from engine.pipelines.simulator.hidden import HiddenCell
-from engine.pipelines.simulator.log import Hand, Log, Sent
-from engine.pipelines.simulator.physical import SimulatedCell
-from engine.pipelines.simulator.settings import Settings, drawn, settings_of
-from engine.ports import DriverSetup
-from kb.loader.faults import load_faults
-from kb.model.faults import FaultModel
-from kb.model.problem import Problem
+from cellwright.engine.model.execution import Command, CommandKind, Fate, Message, Reply, Report
+from cellwright.engine.model.number_set import NumberSet
+from cellwright.engine.pipelines.simulator.hidden import HiddenCell
+from cellwright.engine.pipelines.simulator.log import Hand, Log, Sent
+from cellwright.engine.pipelines.simulator.physical import SimulatedCell
+from cellwright.engine.pipelines.simulator.settings import Settings, drawn, settings_of
+from cellwright.engine.ports import DriverSetup
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.model.problem import Problem
 
 if TYPE_CHECKING:
-    from engine.pipelines.simulator.physical import PhysicalBody
-    from engine.pipelines.simulator.truth import Truth
-    from engine.pipelines.simulator.unknown import Unknown
+    from cellwright.engine.pipelines.simulator.physical import PhysicalBody
+    from cellwright.engine.pipelines.simulator.truth import Truth
+    from cellwright.engine.pipelines.simulator.unknown import Unknown
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
 REMEMBERED = (
@@ -283,8 +283,8 @@ def _obstructed(setup: DriverSetup) -> "tuple[PhysicalBody | None, Unknown | Non
     """The arm, where something stands that nobody knows of."""
     if not {"obstacles", "really"} & setup.options.keys():
         return None, None
-    from engine.pipelines.simulator.obstructed import Obstructed  # these need numpy
-    from engine.pipelines.simulator.unknown import unknown_of
+    from cellwright.engine.pipelines.simulator.obstructed import Obstructed  # these need numpy
+    from cellwright.engine.pipelines.simulator.unknown import unknown_of
 
     unknown = unknown_of(setup.options, setup.problem)
     return (None if unknown is None else Obstructed(setup.problem, unknown, setup.seed)), unknown
@@ -294,6 +294,6 @@ def truth_of(setup: DriverSetup) -> "Truth | None":
     """The hidden truth of the part that a file says; None without such a file. Raises `InvalidInput`."""
     if "truth" not in setup.options:
         return None
-    from engine.pipelines.simulator.truth import read_truth  # it needs numpy
+    from cellwright.engine.pipelines.simulator.truth import read_truth  # it needs numpy
 
     return read_truth(setup.options["truth"], setup.problem, setup.seed)

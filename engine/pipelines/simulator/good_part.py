@@ -2,9 +2,9 @@
 
 import random
 
-from engine.pipelines.measuring import Measuring
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.pipelines.measuring import Measuring
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 SCATTER = 20.0  # the greatest standard deviation, and that of what has no limits
 SHARE = 0.2  # of the way from the nominal value to a limit

@@ -6,29 +6,36 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from engine.model.cases import Hypothesis
-from engine.model.execution import OBSTRUCTED
-from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, Memory, SymbolicWorld, WorldState
-from engine.pipelines.simulation.world import achievement
-from engine.pipelines.simulator.good_part import GoodPart
-from engine.pipelines.simulator.injections import Injection
-from engine.pipelines.simulator.physical import PhysicalBody, reading_by, told_by
-from engine.pipelines.simulator.showing import exceptions, instance
-from engine.stages.diagnosis.knowledge import CURED
-from engine.stages.diagnosis.revision import binding_of
-from engine.stages.diagnosis.world import HiddenWorld
-from engine.stages.macros.lifted.execution import Execution
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain, StepChange
-from kb.model.domain import Kind
-from kb.model.faults import FaultModel, Interruption
-from kb.model.plan import Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.model.cases import Hypothesis
+from cellwright.engine.model.execution import OBSTRUCTED
+from cellwright.engine.pipelines.simulation import (
+    Achievement,
+    Dynamics,
+    FaultyCell,
+    Memory,
+    SymbolicWorld,
+    WorldState,
+)
+from cellwright.engine.pipelines.simulation.world import achievement
+from cellwright.engine.pipelines.simulator.good_part import GoodPart
+from cellwright.engine.pipelines.simulator.injections import Injection
+from cellwright.engine.pipelines.simulator.physical import PhysicalBody, reading_by, told_by
+from cellwright.engine.pipelines.simulator.showing import exceptions, instance
+from cellwright.engine.stages.diagnosis.knowledge import CURED
+from cellwright.engine.stages.diagnosis.revision import binding_of
+from cellwright.engine.stages.diagnosis.world import HiddenWorld
+from cellwright.engine.stages.macros.lifted.execution import Execution
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain, StepChange
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.faults import FaultModel, Interruption
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 if TYPE_CHECKING:
-    from engine.pipelines.simulator.truth import Truth
-    from engine.pipelines.simulator.unknown import Unknown
+    from cellwright.engine.pipelines.simulator.truth import Truth
+    from cellwright.engine.pipelines.simulator.unknown import Unknown
 
 SILENCE = "timeout"  # the reply of the fault base for a step that is never answered
 FAILED = "failed"

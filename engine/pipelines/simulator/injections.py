@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.numbers import is_count
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.numbers import is_count
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
 
-from engine.model.execution import Command, CommandKind
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_file
+from cellwright.engine.model.execution import Command, CommandKind
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import read_file
 
 LARGEST = 2**30  # bytes of a log that is read again
 LOOKED = ("looks", "watches", "part")

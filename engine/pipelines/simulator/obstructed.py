@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind, MovedStep
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.rides import Ride
-from engine.pipelines.moves.rooms import Room
-from engine.pipelines.moves.steps import guide_value
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.pipelines.simulator.unknown import Unknown
-from engine.plugins import geometry_backend
-from engine.stages.geometry.collision.ground import Ground
-from kb.model.cell import Operation
-from kb.model.plan import Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.rides import Ride
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.pipelines.moves.steps import guide_value
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.pipelines.simulator.unknown import Unknown
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.kb.model.cell import Operation
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function
 
 LOOK = 0.01  # rad or m between two looks
 

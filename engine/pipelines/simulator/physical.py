@@ -3,8 +3,8 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Protocol
 
-from kb.model.faults import FaultTest
-from kb.terms import Atom, Function
+from cellwright.kb.model.faults import FaultTest
+from cellwright.kb.terms import Atom, Function
 
 
 class PhysicalBody(Protocol):

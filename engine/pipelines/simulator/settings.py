@@ -4,10 +4,10 @@ import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.pipelines.simulator.injections import Injection, injection
-from engine.ports import DriverSetup
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.numbers import NumberError, decimal
+from cellwright.engine.pipelines.simulator.injections import Injection, injection
+from cellwright.engine.ports import DriverSetup
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.numbers import NumberError, decimal
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from kb.asp import ground_term
-from kb.model.faults import FaultModel, Interruption
-from kb.terms import Function, match
+from cellwright.kb.asp import ground_term
+from cellwright.kb.model.faults import FaultModel, Interruption
+from cellwright.kb.terms import Function, match
 
 
 def exceptions(model: FaultModel, step: Function, cause: str = "", name: str = "") -> Iterator[Interruption]:

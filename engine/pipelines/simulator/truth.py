@@ -20,18 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from engine.kernels.rigid import apply, transform, turned
-from engine.model.geometry import Floats
-from engine.model.measurement import MeasurementPoint
-from engine.pipelines.measuring import Expected, Measuring
-from engine.pipelines.points import METRES, PROFILE, points, with_places
-from engine.pipelines.simulator.drifting import Drift, Drifting, drift_of
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import read_file
-from kb.json_text import parsed
-from kb.model.problem import Problem
-from kb.numbers import is_number
-from kb.terms import Function
+from cellwright.engine.kernels.rigid import apply, transform, turned
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.engine.pipelines.measuring import Expected, Measuring
+from cellwright.engine.pipelines.points import METRES, PROFILE, points, with_places
+from cellwright.engine.pipelines.simulator.drifting import Drift, Drifting, drift_of
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.files import read_file
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.numbers import is_number
+from cellwright.kb.terms import Function
 
 KEYS = ("shift_mm", "turn_deg", "values", "noise", "bad", "drift")
 HINT = f"one JSON object with any of {', '.join(KEYS)}"

@@ -11,18 +11,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from engine.model.execution import SEEN
-from engine.pipelines.moves.recognising import putting
-from engine.pipelines.moves.seen import look_at, with_seen
-from engine.pipelines.revision.observing import corrected, read_facts
-from engine.pipelines.simulation import Dynamics
-from engine.stages.geometry.world.model import World
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.cell import load_cell
-from kb.model.cell import Body, Cell
-from kb.model.problem import Problem
-from kb.targets import CELL_FILE
-from kb.terms import Atom
+from cellwright.engine.model.execution import SEEN
+from cellwright.engine.pipelines.moves.recognising import putting
+from cellwright.engine.pipelines.moves.seen import look_at, with_seen
+from cellwright.engine.pipelines.revision.observing import corrected, read_facts
+from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.model.cell import Body, Cell
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import CELL_FILE
+from cellwright.kb.terms import Atom
 
 OPTIONS = ("obstacles", "really")
 NAMED = "write `cell: NAME`, and below `fixtures:` the bodies, as in a cell.yaml"

@@ -4,26 +4,26 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from engine.model.task_space import Brought, Net, Space
-from engine.plugins import contact_filter
-from engine.ports import ContactFilter
-from engine.stages.states.counting import individuals
-from engine.stages.states.firing import Player
-from engine.stages.states.generation import MOST_FORMS, generate
-from engine.stages.states.nets import net_of
-from engine.stages.states.sequences import Found
-from engine.stages.states.sequences import sequence as search
-from engine.stages.states.tokens import token_types
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import File, read_file
-from kb.loader import domain_of, load, problem_files
-from kb.loader.contacts import load_contacts
-from kb.loader.contacts.templates import Templates
-from kb.loader.reader import Findings, require
-from kb.loader.tree import Node
-from kb.model.contacts import ContactModel
-from kb.model.octuples import Octuple
-from kb.targets import DEVICES
+from cellwright.engine.model.task_space import Brought, Net, Space
+from cellwright.engine.plugins import contact_filter
+from cellwright.engine.ports import ContactFilter
+from cellwright.engine.stages.states.counting import individuals
+from cellwright.engine.stages.states.firing import Player
+from cellwright.engine.stages.states.generation import MOST_FORMS, generate
+from cellwright.engine.stages.states.nets import net_of
+from cellwright.engine.stages.states.sequences import Found
+from cellwright.engine.stages.states.sequences import sequence as search
+from cellwright.engine.stages.states.tokens import token_types
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.files import File, read_file
+from cellwright.kb.loader import domain_of, load, problem_files
+from cellwright.kb.loader.contacts import load_contacts
+from cellwright.kb.loader.contacts.templates import Templates
+from cellwright.kb.loader.reader import Findings, require
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.contacts import ContactModel
+from cellwright.kb.model.octuples import Octuple
+from cellwright.kb.targets import DEVICES
 
 MOST_PLACES = 5_000  # fully specified; they and their transitions are listed one by one
 
@@ -121,7 +121,7 @@ def brought(model: ContactModel, whole: Net, part: str) -> Brought:
 
 def generated(path: Path) -> File:
     """The planning domain that is generated from the contact model beside a domain file. Raises `InvalidInput`."""
-    from engine.pipelines.task_space.domains import domain_file
+    from cellwright.engine.pipelines.task_space.domains import domain_file
 
     model, _ = load_contacts(path)
     return domain_file(model, net(model), load(path).domain)

@@ -8,15 +8,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.model.task_space import Net
-from engine.pipelines.task_space.operators import OperatorText, operators, setting, written
-from engine.pipelines.task_space.vocabulary import Vocabulary, whole
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.files import File, read_file
-from kb.loader.tree import Node, read_tree
-from kb.model.contacts import ConditionKind, ContactModel
-from kb.model.domain import Domain, Operator
-from kb.model.octuples import Octuple, variable
+from cellwright.engine.model.task_space import Net
+from cellwright.engine.pipelines.task_space.operators import OperatorText, operators, setting, written
+from cellwright.engine.pipelines.task_space.vocabulary import Vocabulary, whole
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.files import File, read_file
+from cellwright.kb.loader.tree import Node, read_tree
+from cellwright.kb.model.contacts import ConditionKind, ContactModel
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.model.octuples import Octuple, variable
 
 LISTS = ("defaults", "deductive_operators", "without")
 SECTIONS = (

@@ -4,12 +4,12 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 
-from engine.pipelines.task_space import model_of, space_of
-from engine.pipelines.task_space.operators import written
-from engine.stages.states.firing import Player, Situation
-from engine.stages.states.nets import net_of
-from kb.model.contacts import ContactModel, class_of, describes
-from kb.model.octuples import Octuple, named_in, variable
+from cellwright.engine.pipelines.task_space import model_of, space_of
+from cellwright.engine.pipelines.task_space.operators import written
+from cellwright.engine.stages.states.firing import Player, Situation
+from cellwright.engine.stages.states.nets import net_of
+from cellwright.kb.model.contacts import ContactModel, class_of, describes
+from cellwright.kb.model.octuples import Octuple, named_in, variable
 
 PLAYERS = 4  # that are kept
 Marking = Mapping[str, tuple[tuple[str, ...], ...]]  # for each place, the objects of each cluster in it

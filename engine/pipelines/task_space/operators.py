@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from engine.model.task_space import Net, Transition
-from engine.pipelines.task_space.vocabulary import Vocabulary, whole
-from engine.stages.states.tokens import bodies, moved_by_hand
-from kb.model.contacts import ConditionKind, Meaning, PermanentContact, Restriction, describes
-from kb.model.octuples import ANY, Octuple, Quadruple, variable
-from kb.terms import Atom, Function, Term, Variable
+from cellwright.engine.model.task_space import Net, Transition
+from cellwright.engine.pipelines.task_space.vocabulary import Vocabulary, whole
+from cellwright.engine.stages.states.tokens import bodies, moved_by_hand
+from cellwright.kb.model.contacts import ConditionKind, Meaning, PermanentContact, Restriction, describes
+from cellwright.kb.model.octuples import ANY, Octuple, Quadruple, variable
+from cellwright.kb.terms import Atom, Function, Term, Variable
 
 
 @dataclass

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.model.contacts import ContactModel
-from kb.model.domain import Domain
-from kb.model.octuples import ANY, Quadruple, variable
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.model.contacts import ContactModel
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.octuples import ANY, Quadruple, variable
 
 
 @dataclass

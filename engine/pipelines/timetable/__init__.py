@@ -10,27 +10,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
-from engine.model.schedule import Timetable
-from engine.model.task import Task
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import plan_in, planned, problem_of, task_for
-from engine.pipelines.timetable.blocked import BLOCKS, by_blocks
-from engine.pipelines.timetable.blocked import operators_of as operators_of
-from engine.pipelines.timetable.hands import arms_in, by_other_hands
-from engine.pipelines.timetable.kept import LONG, kept
-from engine.pipelines.timetable.orders import Steps, in_its_order
-from engine.pipelines.timetable.spares import with_one_of_each
-from engine.pipelines.timetable.wishes import wishes_for
-from engine.pipelines.timetable.wishes import wishes_of as wishes_of
-from engine.stages.planning import Limits
-from engine.stages.scheduling import ScheduleLimits
-from engine.stages.scheduling.blocks import Unstructured
-from engine.stages.scheduling.work import Wishes
-from kb.diagnostics import InvalidInput
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Term
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Statistics
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.planning import plan_in, planned, problem_of, task_for
+from cellwright.engine.pipelines.timetable.blocked import BLOCKS, by_blocks
+from cellwright.engine.pipelines.timetable.blocked import operators_of as operators_of
+from cellwright.engine.pipelines.timetable.hands import arms_in, by_other_hands
+from cellwright.engine.pipelines.timetable.kept import LONG, kept
+from cellwright.engine.pipelines.timetable.orders import Steps, in_its_order
+from cellwright.engine.pipelines.timetable.spares import with_one_of_each
+from cellwright.engine.pipelines.timetable.wishes import wishes_for
+from cellwright.engine.pipelines.timetable.wishes import wishes_of as wishes_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.scheduling import ScheduleLimits
+from cellwright.engine.stages.scheduling.blocks import Unstructured
+from cellwright.engine.stages.scheduling.work import Wishes
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term
 
 NOTHING: Mapping[Term, int] = {}
 WINDOWS = "measurements with windows keep their order"
@@ -38,7 +38,7 @@ WINDOWS = "measurements with windows keep their order"
 
 def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem, Plan | None]:
     """The problem that a target names, and the plan if the target is the file of a plan. Raises `InvalidInput`."""
-    from kb.loader.plan import is_plan  # not needed for tasks in PDDL, and slow to load
+    from cellwright.kb.loader.plan import is_plan  # not needed for tasks in PDDL, and slow to load
 
     if is_plan(Path(target)):
         return plan_in(Path(target))

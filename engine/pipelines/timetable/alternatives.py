@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
 from operator import or_
 
-from engine.model.stages import STAGE
-from engine.model.task import Bits, GroundOperator, Task, bitset
-from engine.stages.scheduling.blocks import mentions
-from kb.terms import Atom, Number, Term
+from cellwright.engine.model.stages import STAGE
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset
+from cellwright.engine.stages.scheduling.blocks import mentions
+from cellwright.kb.terms import Atom, Number, Term
 
 VARIANTS = 4  # ways to support one instance
 

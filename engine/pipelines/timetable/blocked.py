@@ -3,24 +3,24 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from engine.model.forecast import makespan
-from engine.model.outcome import Infeasible
-from engine.model.replay import instances, joined, reached_goals, replayed
-from engine.model.schedule import Scheduled, Timetable
-from engine.model.shop import Shop
-from engine.model.stages import STAGE
-from engine.model.task import Bits, GroundOperator, Task, bitset
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.timetable.orders import Steps
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.planning.variants import plainly
-from engine.stages.scheduling import ScheduleLimits, schedule
-from engine.stages.scheduling.blocks import Unstructured
-from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps, units
-from engine.stages.scheduling.work import CellWork, cell_work
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Problem
-from kb.terms import Term
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.replay import instances, joined, reached_goals, replayed
+from cellwright.engine.model.schedule import Scheduled, Timetable
+from cellwright.engine.model.shop import Shop
+from cellwright.engine.model.stages import STAGE
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.timetable.orders import Steps
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.planning.variants import plainly
+from cellwright.engine.stages.scheduling import ScheduleLimits, schedule
+from cellwright.engine.stages.scheduling.blocks import Unstructured
+from cellwright.engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps, units
+from cellwright.engine.stages.scheduling.work import CellWork, cell_work
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term
 
 BLOCKS = "of all schedules of the blocks of this plan"
 

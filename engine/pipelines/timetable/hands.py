@@ -3,18 +3,18 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from engine.model.schedule import Timetable
-from engine.model.task import GroundOperator, Task
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.timetable.blocked import by_blocks, operators_of, subjects_of
-from engine.pipelines.timetable.orders import Steps
-from engine.pipelines.timetable.wishes import wishes_for
-from engine.stages.scheduling import ScheduleLimits
-from engine.stages.scheduling.blocks import Unstructured, arms_of
-from engine.stages.scheduling.hands import WAYS, shared_out
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Term
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.model.task import GroundOperator, Task
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.timetable.blocked import by_blocks, operators_of, subjects_of
+from cellwright.engine.pipelines.timetable.orders import Steps
+from cellwright.engine.pipelines.timetable.wishes import wishes_for
+from cellwright.engine.stages.scheduling import ScheduleLimits
+from cellwright.engine.stages.scheduling.blocks import Unstructured, arms_of
+from cellwright.engine.stages.scheduling.hands import WAYS, shared_out
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term
 
 
 def arms_in(problem: Problem, plan: Plan) -> tuple[Term, ...]:

@@ -8,20 +8,20 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from engine.model.forecast import makespan
-from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Moment, Shop, Window
-from engine.model.windows import missed, opening, visits_of
-from engine.pipelines.gate import InternalError, PlanGate
-from engine.pipelines.stays import overstays
-from engine.pipelines.timetable.orders import by_step
-from engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
-from engine.stages.scheduling.checker import check_schedule
-from engine.stages.scheduling.work import Wishes
-from kb.diagnostics import Diagnostic, Source
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Term
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.schedule import Schedule, Timetable
+from cellwright.engine.model.shop import Moment, Shop, Window
+from cellwright.engine.model.windows import missed, opening, visits_of
+from cellwright.engine.pipelines.gate import InternalError, PlanGate
+from cellwright.engine.pipelines.stays import overstays
+from cellwright.engine.pipelines.timetable.orders import by_step
+from cellwright.engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
+from cellwright.engine.stages.scheduling.checker import check_schedule
+from cellwright.engine.stages.scheduling.work import Wishes
+from cellwright.kb.diagnostics import Diagnostic, Source
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term
 
 LONG = 400  # steps; longer plans keep their order
 KEPT = "of all schedules that keep this order of the steps"

@@ -9,23 +9,23 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from engine.model.forecast import earliest_starts, makespan
-from engine.model.outcome import Infeasible
-from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Job, Resource, Shop, Stage
-from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.timetable.alternatives import alternatives
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.scheduling import ScheduleLimits
-from engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
-from engine.stages.scheduling.work import Wishes
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Term
+from cellwright.engine.model.forecast import earliest_starts, makespan
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.schedule import Schedule, Timetable
+from cellwright.engine.model.shop import Job, Resource, Shop, Stage
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.timetable.alternatives import alternatives
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.scheduling import ScheduleLimits
+from cellwright.engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
+from cellwright.engine.stages.scheduling.work import Wishes
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term
 
 if TYPE_CHECKING:
-    from engine.stages.scheduling.reorder import Reordered
+    from cellwright.engine.stages.scheduling.reorder import Reordered
 
 ORDERS = "of all orders of these steps"
 CHOICES = "of all ways to do these steps, also by other means"
@@ -91,8 +91,11 @@ class Steps:
     def _reordered(
         self, bound: int, limits: ScheduleLimits, optional: bool = False
     ) -> "Reordered | Infeasible | None":
-        from engine.stages.scheduling.orders import Ordering, TooLarge  # the solver takes a while to load
-        from engine.stages.scheduling.reorder import reordered
+        from cellwright.engine.stages.scheduling.orders import (  # the solver takes a while to load
+            Ordering,
+            TooLarge,
+        )
+        from cellwright.engine.stages.scheduling.reorder import reordered
 
         asked = Ordering(
             self.task.initial,

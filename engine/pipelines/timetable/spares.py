@@ -7,15 +7,15 @@ blocks, and the order of single steps is hard to make better. So the plan of one
 from collections import Counter
 from dataclasses import replace
 
-from engine.model.outcome import Found
-from engine.model.task import Task
-from engine.pipelines.gate import accepted
-from engine.pipelines.timetable.alternatives import exchangeable
-from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Term
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.gate import accepted
+from cellwright.engine.pipelines.timetable.alternatives import exchangeable
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import plan as plan_task
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term
 
 LEAST = 2_000  # expansions that the search for the other plan may take, or as many as that for the plan itself took
 

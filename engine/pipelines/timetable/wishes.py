@@ -3,15 +3,15 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from engine.model.windows import windows_of
-from engine.stages.scheduling.work import Wishes
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.amounts import Amounts, NoAmount, travels_itself
-from kb.model.conventions import Conventions
-from kb.model.plan import Plan
-from kb.terms import Number, Term
+from cellwright.engine.model.windows import windows_of
+from cellwright.engine.stages.scheduling.work import Wishes
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.amounts import Amounts, NoAmount, travels_itself
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.terms import Number, Term
 
 
 def wishes_for(known: Semantics, *plans: Plan) -> Wishes:

@@ -8,29 +8,42 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from engine.kernels.cancellation import Interrupted, never
-from engine.model.cases import Diagnosis, Revision
-from engine.pipelines import planning
-from engine.pipelines.barring import barred
-from engine.pipelines.revision.remaining import remaining
-from engine.pipelines.simulation import Dynamics, FaultyCell
-from engine.pipelines.troubleshooting.beliefs import Beliefs
-from engine.pipelines.troubleshooting.findings import Findings, first_repair
-from engine.pipelines.troubleshooting.given import Failed, Moment, Seen, moment_of, numbered, read_step
-from engine.pipelines.troubleshooting.preparations import WORK, Preparations, after
-from engine.pipelines.troubleshooting.recovery import Recovery, recover, told
-from engine.stages.diagnosis.knowledge import Objective, no_setup
-from engine.stages.diagnosis.revision import Binding, binding_of, certainties, presupposed, revision
-from engine.stages.diagnosis.session import Session
-from engine.stages.planning import Limits
-from kb.check.faults import too_many
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.loader import find
-from kb.loader.faults import load_faults
-from kb.model.domain import Domain
-from kb.model.faults import FaultModel
-from kb.store.cases import Cases, ClosedCase, counts
-from kb.terms import Atom, Function
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.model.cases import Diagnosis, Revision
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.revision.remaining import remaining
+from cellwright.engine.pipelines.simulation import Dynamics, FaultyCell
+from cellwright.engine.pipelines.troubleshooting.beliefs import Beliefs
+from cellwright.engine.pipelines.troubleshooting.findings import Findings, first_repair
+from cellwright.engine.pipelines.troubleshooting.given import (
+    Failed,
+    Moment,
+    Seen,
+    moment_of,
+    numbered,
+    read_step,
+)
+from cellwright.engine.pipelines.troubleshooting.preparations import WORK, Preparations, after
+from cellwright.engine.pipelines.troubleshooting.recovery import Recovery, recover, told
+from cellwright.engine.stages.diagnosis.knowledge import Objective, no_setup
+from cellwright.engine.stages.diagnosis.revision import (
+    Binding,
+    binding_of,
+    certainties,
+    presupposed,
+    revision,
+)
+from cellwright.engine.stages.diagnosis.session import Session
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.check.faults import too_many
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.loader import find
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.store.cases import Cases, ClosedCase, counts
+from cellwright.kb.terms import Atom, Function
 
 __all__ = ["Desk", "Opened", "Preparations", "Recovery", "after", "desk", "fault_model", "opened", "recover"]
 

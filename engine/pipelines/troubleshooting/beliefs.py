@@ -4,15 +4,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
-from engine.model.cases import Hypothesis, Prepared
-from engine.pipelines.barring import barred
-from engine.pipelines.simulation import FaultyCell, WorldState
-from engine.pipelines.troubleshooting.preparations import Preparations
-from engine.stages.diagnosis.knowledge import CURED
-from engine.stages.diagnosis.session import Session
-from kb.model.faults import FaultTest, Repair
-from kb.model.plan import Plan
-from kb.terms import Function
+from cellwright.engine.model.cases import Hypothesis, Prepared
+from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.simulation import FaultyCell, WorldState
+from cellwright.engine.pipelines.troubleshooting.preparations import Preparations
+from cellwright.engine.stages.diagnosis.knowledge import CURED
+from cellwright.engine.stages.diagnosis.session import Session
+from cellwright.kb.model.faults import FaultTest, Repair
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.terms import Function
 
 Causes = tuple[str, ...]
 Bars = tuple[tuple[str, ...], tuple[Function, ...]]  # what is lost, and what fails

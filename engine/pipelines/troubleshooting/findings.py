@@ -3,16 +3,16 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from engine.model.cases import Diagnosis, Revision
-from engine.model.wording import worded
-from engine.pipelines.simulation import WorldState
-from engine.pipelines.simulation.dynamics import fits
-from engine.pipelines.troubleshooting.beliefs import NOTHING, Beliefs, Causes
-from engine.pipelines.troubleshooting.recovery import FirstRepair
-from engine.stages.diagnosis.knowledge import cure_chance
-from engine.stages.diagnosis.session import Session
-from kb.model.domain import Kind
-from kb.terms import Atom, ordered
+from cellwright.engine.model.cases import Diagnosis, Revision
+from cellwright.engine.model.wording import worded
+from cellwright.engine.pipelines.simulation import WorldState
+from cellwright.engine.pipelines.simulation.dynamics import fits
+from cellwright.engine.pipelines.troubleshooting.beliefs import NOTHING, Beliefs, Causes
+from cellwright.engine.pipelines.troubleshooting.recovery import FirstRepair
+from cellwright.engine.stages.diagnosis.knowledge import cure_chance
+from cellwright.engine.stages.diagnosis.session import Session
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.terms import Atom, ordered
 
 Reasoned = tuple[tuple[Atom, str], ...]
 

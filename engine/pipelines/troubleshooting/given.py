@@ -4,25 +4,25 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from engine.model.cases import Hypothesis
-from engine.pipelines import planning
-from engine.pipelines.revision.observing import corrected, following, read_done, read_facts
-from engine.pipelines.revision.remaining import left_over, remaining
-from engine.pipelines.simulation import Achievement, Dynamics, WorldState
-from engine.pipelines.simulation.faulty import history
-from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
-from engine.stages.diagnosis.session import QUESTION, Answerer
-from kb.asp import AspError, ground_term
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest, unknown_name
-from kb.files import read_file
-from kb.json_text import parsed
-from kb.loader import Loaded
-from kb.model.faults import FaultModel, Interruption
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Problem
-from kb.numbers import NumberError, decimal
-from kb.store.cases import ClosedCase
-from kb.terms import Atom, Function, Term, ordered
+from cellwright.engine.model.cases import Hypothesis
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.revision.observing import corrected, following, read_done, read_facts
+from cellwright.engine.pipelines.revision.remaining import left_over, remaining
+from cellwright.engine.pipelines.simulation import Achievement, Dynamics, WorldState
+from cellwright.engine.pipelines.simulation.faulty import history
+from cellwright.engine.stages.diagnosis.knowledge import CURED, NOT_CURED
+from cellwright.engine.stages.diagnosis.session import QUESTION, Answerer
+from cellwright.kb.asp import AspError, ground_term
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest, unknown_name
+from cellwright.kb.files import read_file
+from cellwright.kb.json_text import parsed
+from cellwright.kb.loader import Loaded
+from cellwright.kb.model.faults import FaultModel, Interruption
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.numbers import NumberError, decimal
+from cellwright.kb.store.cases import ClosedCase
+from cellwright.kb.terms import Atom, Function, Term, ordered
 
 STEP = Source("--step")
 

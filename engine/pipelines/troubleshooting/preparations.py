@@ -5,18 +5,18 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from engine.model.outcome import Found
-from engine.model.troubleshooting import Setup
-from engine.pipelines import planning
-from engine.stages.diagnosis.revision import Binding, bound
-from engine.stages.planning import Limits
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import And, Condition, Exists, Literal, Parameter
-from kb.model.domain import OBJECT, Domain
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, Variable
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.troubleshooting import Setup
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.diagnosis.revision import Binding, bound
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.conditions import And, Condition, Exists, Literal, Parameter
+from cellwright.kb.model.domain import OBJECT, Domain
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term, Variable
 
 FAR = 1e6  # seconds: what cannot be brought about from where an earlier test has led
 WORK = Limits(expansions=20_000, improvement=0)

@@ -6,22 +6,22 @@ The plan that failed is revised before anything is planned anew. A kept sequence
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from engine.model.cases import Prepared, Revision
-from engine.model.measurements import is_put_in_order
-from engine.model.outcome import Found, Outcome
-from engine.pipelines.attainment import GivenUp
-from engine.pipelines.inspection.progress import Progress
-from engine.pipelines.planning import LARGE
-from engine.pipelines.revision import Course, planned_anew, revise
-from engine.pipelines.revision.changes import Changes
-from engine.pipelines.revision.remaining import rest_of
-from engine.pipelines.simulation import Dynamics, WorldState
-from engine.stages.grounding.limits import size
-from engine.stages.planning import Limits
-from engine.stages.validation.changes import State
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
-from kb.terms import ordered
+from cellwright.engine.model.cases import Prepared, Revision
+from cellwright.engine.model.measurements import is_put_in_order
+from cellwright.engine.model.outcome import Found, Outcome
+from cellwright.engine.pipelines.attainment import GivenUp
+from cellwright.engine.pipelines.inspection.progress import Progress
+from cellwright.engine.pipelines.planning import LARGE
+from cellwright.engine.pipelines.revision import Course, planned_anew, revise
+from cellwright.engine.pipelines.revision.changes import Changes
+from cellwright.engine.pipelines.revision.remaining import rest_of
+from cellwright.engine.pipelines.simulation import Dynamics, WorldState
+from cellwright.engine.stages.grounding.limits import size
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation.changes import State
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ordered
 
 __all__ = ["FirstRepair", "Recovery", "in_sequence", "recover", "rest_of", "told"]
 
@@ -97,7 +97,7 @@ def in_sequence(problem: Problem, limits: Limits) -> Outcome | None:
     """A plan for an inspection in the order of its sequence; None for any other problem, or if that leads to no plan."""
     if not is_put_in_order(problem):
         return None
-    from engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
+    from cellwright.engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
 
     made = by_sequence(problem, limits)
     return made.outcome if made is not None else None
@@ -107,6 +107,8 @@ def told(found: Recovery, problem: Problem, lost: Collection[str], store: str) -
     """The recovery with the kept sequence of the problem from `store`, after its update by what was lost."""
     if not lost:
         return found
-    from engine.pipelines.parts.keeping import told_of_losses  # slow to load, and only a store needs it
+    from cellwright.engine.pipelines.parts.keeping import (
+        told_of_losses,  # slow to load, and only a store needs it
+    )
 
     return replace(found, sequence=told_of_losses(store, problem.replace(found.problem.initial), lost))

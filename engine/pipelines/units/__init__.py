@@ -6,7 +6,7 @@ moment: the next call takes up the work with what is not noted. What a unit chan
 (`Drafted`), or leaves the same if it is written twice.
 """
 
-from engine.pipelines.units.crews import crew_of
-from engine.pipelines.units.work import Crew, Drafted, Kind, Ledger, Unit, carried_out, silent
+from cellwright.engine.pipelines.units.crews import crew_of
+from cellwright.engine.pipelines.units.work import Crew, Drafted, Kind, Ledger, Unit, carried_out, silent
 
 __all__ = ["Crew", "Drafted", "Kind", "Ledger", "Unit", "carried_out", "crew_of", "silent"]

@@ -14,10 +14,10 @@ from concurrent.futures import CancelledError, Future
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from engine.pipelines.units.content import program
-from engine.pipelines.units.work import Kind, Unit, one
-from kb.cycles import seldom_searched
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.engine.pipelines.units.content import program
+from cellwright.engine.pipelines.units.work import Kind, Unit, one
+from cellwright.kb.cycles import seldom_searched
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 if TYPE_CHECKING:
     import distributed

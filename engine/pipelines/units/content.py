@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import cache, lru_cache
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 
 APART = ("problems", "golden")  # folders of a domain that no problem depends on
 MOST_FILES, MOST_BYTES = 5_000, 2**26  # beyond that a file counts by its name, size and time
@@ -38,7 +38,7 @@ def program() -> str:
 
 
 def _domain(target: Path) -> Path | None:
-    from kb.loader.references import domain_of
+    from cellwright.kb.loader.references import domain_of
 
     try:
         return domain_of(str(target))

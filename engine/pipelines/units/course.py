@@ -5,8 +5,8 @@ from collections.abc import Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from typing import Any, Generic, Protocol, TypeVar
 
-from engine.kernels.cancellation import Interrupted
-from engine.pipelines.units.work import Kind, Unit
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.pipelines.units.work import Kind, Unit
 
 J = TypeVar("J")
 R = TypeVar("R")

@@ -4,9 +4,9 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from engine.kernels.cancellation import Interrupted
-from engine.pipelines.units.course import INTERRUPTED, Course
-from engine.pipelines.units.work import Crew, Kind, Unit, one
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.pipelines.units.course import INTERRUPTED, Course
+from cellwright.engine.pipelines.units.work import Crew, Kind, Unit, one
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -18,14 +18,14 @@ def crew_of(processes: int, cluster: str = "", modules: Sequence[str] = ()) -> C
     These begin at once to load `modules`, which units need. Raises `InvalidInput` if nobody answers at the address.
     """
     if cluster:
-        from engine.pipelines.units.cluster import require_open
+        from cellwright.engine.pipelines.units.cluster import require_open
 
         require_open(cluster)
         return Cluster(cluster)
     if processes == 1:
         return Alone()
     if modules:
-        from engine.pipelines.units.pool import loading
+        from cellwright.engine.pipelines.units.pool import loading
 
         loading(modules)
     return Processes(processes)
@@ -53,7 +53,7 @@ class Processes:
         self, kind: Kind[J, R], units: Sequence[Unit[J]], interrupted: Interrupted
     ) -> Generator[tuple[Unit[J], R], None, None]:
         """See `Crew`."""
-        from engine.pipelines.units.pool import pool
+        from cellwright.engine.pipelines.units.pool import pool
 
         with pool(min(self.count, len(units))) as hands:
             yield from Course(kind, units, hands).results(interrupted)
@@ -69,7 +69,7 @@ class Cluster:
         self, kind: Kind[J, R], units: Sequence[Unit[J]], interrupted: Interrupted
     ) -> Generator[tuple[Unit[J], R], None, None]:
         """See `Crew`. Raises `InvalidInput` if there is no cluster that can be used."""
-        from engine.pipelines.units.cluster import connected
+        from cellwright.engine.pipelines.units.cluster import connected
 
         with connected(self.address) as hands:
             yield from Course(kind, units, hands).results(interrupted)

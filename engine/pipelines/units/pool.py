@@ -11,14 +11,14 @@ from multiprocessing import forkserver, resource_tracker
 from multiprocessing.synchronize import Event
 from typing import Any
 
-from engine.pipelines.units.guard import limited_memory, share
-from engine.pipelines.units.parents import end_with_parent
-from engine.pipelines.units.work import Kind, Unit, one
-from kb.cycles import search_seldom
+from cellwright.engine.pipelines.units.guard import limited_memory, share
+from cellwright.engine.pipelines.units.parents import end_with_parent
+from cellwright.engine.pipelines.units.work import Kind, Unit, one
+from cellwright.kb.cycles import search_seldom
 
 ENDING = 0.5  # seconds that processes may take to end their searches
 SAFE_PATH = "PYTHONSAFEPATH"  # Python's own variable
-SERVER = "engine.pipelines.units.server"  # what the process loads first that forks the others
+SERVER = "cellwright.engine.pipelines.units.server"  # what the process loads first that forks the others
 FORKED = multiprocessing.get_context("forkserver")
 
 

@@ -8,7 +8,7 @@ import ctypes
 import signal
 import sys
 
-from kb.cycles import search_seldom
+from cellwright.kb.cycles import search_seldom
 
 PR_SET_PDEATHSIG = 1
 

@@ -4,11 +4,11 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from engine.kernels.cancellation import Interrupted
-from kb import stopping
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.kb import stopping
 
 if TYPE_CHECKING:
-    from kb.store.draft import Draft
+    from cellwright.kb.store.draft import Draft
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -113,7 +113,7 @@ def one(kind: Kind[J, R], unit: Unit[J], interrupted: Interrupted) -> R:
     ledger = kind.ledger
     if ledger is None or not ledger.finished(result) or (content := ledger.written(result)) is None:
         return result
-    from kb.store.units import UnitStore
+    from cellwright.kb.store.units import UnitStore
 
     with UnitStore(ledger.store, kind.name) as store:
         if not isinstance(made, Drafted):
@@ -126,7 +126,7 @@ def one(kind: Kind[J, R], unit: Unit[J], interrupted: Interrupted) -> R:
 def _noted(kind: Kind[J, R], units: Sequence[Unit[J]]) -> dict[str, R]:
     if kind.ledger is None or not units:
         return {}
-    from kb.store.units import UnitStore
+    from cellwright.kb.store.units import UnitStore
 
     with UnitStore(kind.ledger.store, kind.name) as store:
         found = store.finished({each.name: each.key for each in units})
@@ -134,7 +134,7 @@ def _noted(kind: Kind[J, R], units: Sequence[Unit[J]]) -> dict[str, R]:
 
 
 def _forget(kind: Kind[J, R], ledger: Ledger, units: Sequence[Unit[J]]) -> None:
-    from kb.store.units import UnitStore
+    from cellwright.kb.store.units import UnitStore
 
     with UnitStore(ledger.store, kind.name) as store:
         store.clear([each.name for each in units])

@@ -1,6 +1,6 @@
 """All values of an inspection together: bad ones are told by their neighbours and by repetition, and each feature is judged.
 
-A single value that its neighbours do not explain (`engine.stages.fitting.consistency`) is in doubt until it is repeated. Values of
+A single value that its neighbours do not explain (`cellwright.engine.stages.fitting.consistency`) is in doubt until it is repeated. Values of
 one feature that agree confirm each other: a dent is no bad measurement. Repeated values are averaged; what is unsure about where
 the part lies does not become surer by that.
 """
@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import apply
-from engine.model.measurement import MeasurementPoint
-from engine.model.verdicts import Feature, Spoilt
-from engine.pipelines.points import METRES, PROFILE, points, with_places
-from engine.pipelines.verdicts.averaging import agreeing, mean, sigma_of
-from engine.pipelines.verdicts.lying import Lying
-from engine.pipelines.verdicts.spoiling import set_aside, standing
-from engine.stages.fitting.consistency import expected
-from kb.model.conformity import COVERAGE
-from kb.model.problem import Problem
-from kb.model.results import Measured
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.engine.model.verdicts import Feature, Spoilt
+from cellwright.engine.pipelines.points import METRES, PROFILE, points, with_places
+from cellwright.engine.pipelines.verdicts.averaging import agreeing, mean, sigma_of
+from cellwright.engine.pipelines.verdicts.lying import Lying
+from cellwright.engine.pipelines.verdicts.spoiling import set_aside, standing
+from cellwright.engine.stages.fitting.consistency import expected
+from cellwright.kb.model.conformity import COVERAGE
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured
 
 SUSPECT = 3.0  # standard deviations from what the neighbours let expect; so an error of six is caught
 Key = tuple[str, str]  # of what, and which quantity

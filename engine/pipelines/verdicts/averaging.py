@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from kb.model.conformity import COVERAGE
-from kb.model.results import Measured
+from cellwright.kb.model.conformity import COVERAGE
+from cellwright.kb.model.results import Measured
 
 AGREES = 3.0  # standard deviations between two values of the same feature
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from engine.kernels.rigid import apply
-from engine.model.fits import Datums
-from engine.model.geometry import Floats
-from engine.model.measurement import MeasurementPoint
-from engine.pipelines.points import METRES, PROFILE, points, with_places
-from engine.pipelines.verdicts.averaging import agreeing, mean, sigma_of
-from kb.model.problem import Problem
-from kb.model.results import Measured
-from kb.terms import Function, Number
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.fits import Datums
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.engine.pipelines.points import METRES, PROFILE, points, with_places
+from cellwright.engine.pipelines.verdicts.averaging import agreeing, mean, sigma_of
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured
+from cellwright.kb.terms import Function, Number
 
 
 @dataclass(frozen=True, slots=True, eq=False)

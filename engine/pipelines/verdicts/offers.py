@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from engine.model.verdicts import Feature
-from engine.pipelines.measuring import Measuring
-from kb.asp.statics import evaluated
-from kb.model.domain import Operator
-from kb.model.problem import Problem
-from kb.terms import Function, Variable
+from cellwright.engine.model.verdicts import Feature
+from cellwright.engine.pipelines.measuring import Measuring
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Variable
 
 
 @dataclass(frozen=True, slots=True)

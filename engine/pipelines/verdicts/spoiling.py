@@ -6,9 +6,9 @@ The fault base says which measurements a cause spoils, and since when (`since`).
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from engine.model.verdicts import Spoilt
-from kb.model.results import Measured
-from kb.terms import Atom, Function
+from cellwright.engine.model.verdicts import Spoilt
+from cellwright.kb.model.results import Measured
+from cellwright.kb.terms import Atom, Function
 
 
 def spoils(gone: Iterable[Atom], measured: str) -> list[list[str]]:

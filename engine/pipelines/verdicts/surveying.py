@@ -5,13 +5,13 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from engine.model.measurements import chooses_tools, measurements_of, wanted
-from engine.model.verdicts import Spoilt, Survey, Unmeasured
-from engine.pipelines.points import points, with_places
-from engine.pipelines.verdicts.assessing import assessed
-from engine.pipelines.verdicts.lying import lying_in
-from kb.model.problem import Problem
-from kb.model.results import Results
+from cellwright.engine.model.measurements import chooses_tools, measurements_of, wanted
+from cellwright.engine.model.verdicts import Spoilt, Survey, Unmeasured
+from cellwright.engine.pipelines.points import points, with_places
+from cellwright.engine.pipelines.verdicts.assessing import assessed
+from cellwright.engine.pipelines.verdicts.lying import lying_in
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Results
 
 Content = Mapping[str, Any]
 

@@ -7,8 +7,8 @@ its distribution the share is counted at which the decision rule decides.
 import math
 from statistics import NormalDist
 
-from engine.model.verdicts import Feature
-from kb.model.conformity import COVERAGE, RISK, Conformity, conformity
+from cellwright.engine.model.verdicts import Feature
+from cellwright.kb.model.conformity import COVERAGE, RISK, Conformity, conformity
 
 DRAWS = 99  # equally probable means
 

@@ -6,24 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, MovedStep
-from engine.pipelines.moves.arms import arms_of
-from engine.pipelines.moves.hands import Where
-from engine.pipelines.moves.meetings import Encounters
-from engine.pipelines.moves.tracks import Moment, Passage, Rider, tracks
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.pipelines.simulator.unknown import Unknown
-from engine.pipelines.witness.sensing import reading
-from engine.pipelines.witness.servos import NEAR_M, value_of
-from engine.pipelines.witness.stage import SETTLE_S, Stage
-from engine.pipelines.witness.stopping import retreat
-from engine.pipelines.witness.touches import Stopped
-from engine.pipelines.witness.tree import hand_of, is_free
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from kb.model.plan import Step, StepId
-from kb.terms import Atom, Function, match, substitute
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, MovedStep
+from cellwright.engine.pipelines.moves.arms import arms_of
+from cellwright.engine.pipelines.moves.hands import Where
+from cellwright.engine.pipelines.moves.meetings import Encounters
+from cellwright.engine.pipelines.moves.tracks import Moment, Passage, Rider, tracks
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.pipelines.simulator.unknown import Unknown
+from cellwright.engine.pipelines.witness.sensing import reading
+from cellwright.engine.pipelines.witness.servos import NEAR_M, value_of
+from cellwright.engine.pipelines.witness.stage import SETTLE_S, Stage
+from cellwright.engine.pipelines.witness.stopping import retreat
+from cellwright.engine.pipelines.witness.touches import Stopped
+from cellwright.engine.pipelines.witness.tree import hand_of, is_free
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.terms import Atom, Function, match, substitute
 
 FIRST = StepId(1)
 

@@ -6,16 +6,16 @@ The clock is virtual; a step lasts as long as its motion was planned to, or as t
 
 from collections.abc import Mapping
 
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.walking import Walk
-from engine.pipelines.simulator import HiddenCell, Simulator, fault_base, number_of, settings_of
-from engine.pipelines.simulator.unknown import OPTIONS, moving_cell, unknown_of
-from engine.pipelines.witness.body import Body, Hindrance
-from engine.pipelines.witness.tree import is_free
-from engine.plugins import geometry_backend
-from engine.ports import DriverSetup
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.model.cell import Cell
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.walking import Walk
+from cellwright.engine.pipelines.simulator import HiddenCell, Simulator, fault_base, number_of, settings_of
+from cellwright.engine.pipelines.simulator.unknown import OPTIONS, moving_cell, unknown_of
+from cellwright.engine.pipelines.witness.body import Body, Hindrance
+from cellwright.engine.pipelines.witness.tree import is_free
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.ports import DriverSetup
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.model.cell import Cell
 
 OWN = ("friction", "block", "stick")
 

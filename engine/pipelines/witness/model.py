@@ -8,13 +8,13 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.pipelines.witness.tree import bearer_of, carriers_of, holder_of, is_free
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.parts import cores
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Body, BodyKind, Cell, Guide, JointKind, Link
-from kb.model.shapes import Box, Cylinder, PlacedShape, Sphere, Tube
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.witness.tree import bearer_of, carriers_of, holder_of, is_free
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.parts import cores
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Body, BodyKind, Cell, Guide, JointKind, Link
+from cellwright.kb.model.shapes import Box, Cylinder, PlacedShape, Sphere, Tube
 
 STEP_S = 0.002
 STIFF, DAMPED = 40_000.0, 2_000.0  # N m/rad and N m s/rad of the servos of an arm

@@ -7,16 +7,16 @@ the end from where the plan puts it.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from engine.model.moves import MovedStep
-from engine.pipelines.moves.states import states_of
-from engine.pipelines.places import measured_cell
-from engine.pipelines.witness.stage import SETTLE_S, Stage
-from engine.pipelines.witness.touches import Touched
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.validation.semantics import Semantics
-from kb.model.cell import Cell
-from kb.model.plan import Plan
+from cellwright.engine.model.moves import MovedStep
+from cellwright.engine.pipelines.moves.states import states_of
+from cellwright.engine.pipelines.places import measured_cell
+from cellwright.engine.pipelines.witness.stage import SETTLE_S, Stage
+from cellwright.engine.pipelines.witness.touches import Touched
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.plan import Plan
 
 
 @dataclass(frozen=True, slots=True)

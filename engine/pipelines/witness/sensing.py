@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterator, Mapping
 import mujoco
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.pipelines.witness.stage import Stage
-from engine.pipelines.witness.touches import body_of
-from engine.pipelines.witness.tree import bearer_of, held_by, worn_by
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from kb.model.sensors import Sensing, Sensor
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.witness.stage import Stage
+from cellwright.engine.pipelines.witness.touches import body_of
+from cellwright.engine.pipelines.witness.tree import bearer_of, held_by, worn_by
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.sensors import Sensing, Sensor
 
 SLIDE_S = 0.1  # so long it is watched whether something slides
 FAR_M = 100.0  # where nothing is in sight

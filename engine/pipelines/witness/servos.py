@@ -5,12 +5,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.moves import Leg
-from engine.pipelines.witness.tree import carriers_of
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from kb.model.cell import JointKind
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg
+from cellwright.engine.pipelines.witness.tree import carriers_of
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import JointKind
 
 PACE = 40.0  # 1/s: how quickly the servos of an arm follow
 SOON_S = 1e-3  # between moments whose differences tell speed and acceleration

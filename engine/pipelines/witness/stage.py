@@ -5,17 +5,17 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind, MovedStep
-from engine.pipelines.moves.walking import operation_of
-from engine.pipelines.witness.model import GRIP_N, STEP_S, dragged_by_hand, quaternion, written
-from engine.pipelines.witness.servos import slipped, tolerance, tuned, value_of, weighed
-from engine.pipelines.witness.tools import Latches
-from engine.pipelines.witness.touches import Stopped, Touches, allowed_in
-from engine.pipelines.witness.tree import exchanged, hand_of, held_by, in_hand, in_hands, is_free
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from kb.model.cell import BodyKind, Operation
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, LegKind, MovedStep
+from cellwright.engine.pipelines.moves.walking import operation_of
+from cellwright.engine.pipelines.witness.model import GRIP_N, STEP_S, dragged_by_hand, quaternion, written
+from cellwright.engine.pipelines.witness.servos import slipped, tolerance, tuned, value_of, weighed
+from cellwright.engine.pipelines.witness.tools import Latches
+from cellwright.engine.pipelines.witness.touches import Stopped, Touches, allowed_in
+from cellwright.engine.pipelines.witness.tree import exchanged, hand_of, held_by, in_hand, in_hands, is_free
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import BodyKind, Operation
 
 LOOK_S = 0.01  # how often contacts are looked at
 GRIPS_N = 18.0  # how hard a finger presses against what it grips

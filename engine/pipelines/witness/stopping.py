@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.model.moves import Leg, LegKind
-from engine.pipelines.witness.stage import SETTLE_S, Stage
-from engine.pipelines.witness.touches import Stopped
-from engine.stages.geometry.world.model import World
+from cellwright.engine.model.moves import Leg, LegKind
+from cellwright.engine.pipelines.witness.stage import SETTLE_S, Stage
+from cellwright.engine.pipelines.witness.touches import Stopped
+from cellwright.engine.stages.geometry.world.model import World
 
 SLOWER = 2.0  # times as long as on the way there
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.pipelines.witness.model import quaternion
-from engine.pipelines.witness.tree import holder_of
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.witness.model import quaternion
+from cellwright.engine.pipelines.witness.tree import holder_of
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
 
 SEATED_M, SEATED_RAD = 0.01, 0.05  # how far off a tool may be that a latch still takes
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from engine.model.moves import Leg
-from engine.pipelines.witness.tree import worn_by
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Operation
+from cellwright.engine.model.moves import Leg
+from cellwright.engine.pipelines.witness.tree import worn_by
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Operation
 
 LEAST_N = 1.0  # a contact with less force is a graze of rounding
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from engine.stages.geometry.world.model import World
-from kb.model.cell import BodyKind, Cell
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import BodyKind, Cell
 
 
 def exchanged(cell: Cell) -> frozenset[str]:

@@ -6,12 +6,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.pipelines.placing.answers import Carry, Leg
-from engine.pipelines.placing.carrying import LIFT_M
-from engine.pipelines.workshop.inserting import ABOVE_M, inserted, raise_up
-from engine.pipelines.workshop.shop import Workshop
-from engine.stages.grasping.insertion import Insertion, Search
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.answers import Carry, Leg
+from cellwright.engine.pipelines.placing.carrying import LIFT_M
+from cellwright.engine.pipelines.workshop.inserting import ABOVE_M, inserted, raise_up
+from cellwright.engine.pipelines.workshop.shop import Workshop
+from cellwright.engine.stages.grasping.insertion import Insertion, Search
 
 GUARD_N = 15.0  # a push that stops the hand on its way to a part
 NARROW_M = (

@@ -9,24 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from engine.kernels.rigid import difference
-from engine.model.geometry import Floats
-from engine.model.vision import Located, Sighting
-from engine.pipelines.placing.answers import Carry
-from engine.pipelines.placing.camera_cell import camera_answer
-from engine.pipelines.placing.doubt import brought, within_m
-from engine.pipelines.placing.looking import Looked
-from engine.pipelines.placing.ordering import Key, Ordered, key_of, move_of
-from engine.pipelines.placing.placing import STILL_M, STILL_RAD, likeliest
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.yard import Move, Obstacle, Spot, Yard
-from engine.pipelines.workshop.carrying import Went, carry_out, searched_on
-from engine.pipelines.workshop.eyes import Eyes
-from engine.pipelines.workshop.shop import Workshop
-from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
-from kb.asp import ground_term
-from kb.model.faults import FaultModel
-from kb.terms import Function
+from cellwright.engine.kernels.rigid import difference
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Located, Sighting
+from cellwright.engine.pipelines.placing.answers import Carry
+from cellwright.engine.pipelines.placing.camera_cell import camera_answer
+from cellwright.engine.pipelines.placing.doubt import brought, within_m
+from cellwright.engine.pipelines.placing.looking import Looked
+from cellwright.engine.pipelines.placing.ordering import Key, Ordered, key_of, move_of
+from cellwright.engine.pipelines.placing.placing import STILL_M, STILL_RAD, likeliest
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.yard import Move, Obstacle, Spot, Yard
+from cellwright.engine.pipelines.workshop.carrying import Went, carry_out, searched_on
+from cellwright.engine.pipelines.workshop.eyes import Eyes
+from cellwright.engine.pipelines.workshop.shop import Workshop
+from cellwright.engine.stages.diagnosis.knowledge import CURED, NOT_CURED
+from cellwright.kb.asp import ground_term
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.terms import Function
 
 NO_WAY = "no_way"  # no reply of the fault base: the order of the steps is made anew
 UNSURE = "unsure"  # the reply where a part may come to lie too far from its goal

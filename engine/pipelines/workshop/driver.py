@@ -2,15 +2,15 @@
 
 from collections.abc import Callable
 
-from engine.pipelines.placing.camera_cell import CameraCell, seeing_of
-from engine.pipelines.placing.driver import OPTIONS, asked_for_scene
-from engine.pipelines.placing.seeing import Shows
-from engine.pipelines.simulator import HiddenCell, Simulator, fault_base, settings_of
-from engine.pipelines.workshop.shop import Workshop
-from engine.pipelines.workshop.showing import Showing
-from engine.ports import DriverSetup
-from engine.stages.geometry.world.model import World
-from kb.model.scene import Scene
+from cellwright.engine.pipelines.placing.camera_cell import CameraCell, seeing_of
+from cellwright.engine.pipelines.placing.driver import OPTIONS, asked_for_scene
+from cellwright.engine.pipelines.placing.seeing import Shows
+from cellwright.engine.pipelines.simulator import HiddenCell, Simulator, fault_base, settings_of
+from cellwright.engine.pipelines.workshop.shop import Workshop
+from cellwright.engine.pipelines.workshop.showing import Showing
+from cellwright.engine.ports import DriverSetup
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.scene import Scene
 
 
 def workshop(setup: DriverSetup) -> Simulator:

@@ -6,20 +6,27 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.rigid import inverse, transform
-from engine.model.geometry import Floats
-from engine.model.vision import DepthImage
-from engine.pipelines.placing.looking import KNOWN, Looked, camera_of, camera_pose, depth_image, look
-from engine.pipelines.placing.optics import Errors, Optics
-from engine.pipelines.placing.seeing import Seeing
-from engine.pipelines.placing.yard import Spot, Yard
-from engine.pipelines.workshop.shop import Workshop
-from engine.pipelines.workshop.showing import Showing
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from engine.stages.vision.images import Sensor, disturbed, rendered
-from kb.model.cell import Placement
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import inverse, transform
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import DepthImage
+from cellwright.engine.pipelines.placing.looking import (
+    KNOWN,
+    Looked,
+    camera_of,
+    camera_pose,
+    depth_image,
+    look,
+)
+from cellwright.engine.pipelines.placing.optics import Errors, Optics
+from cellwright.engine.pipelines.placing.seeing import Seeing
+from cellwright.engine.pipelines.placing.yard import Spot, Yard
+from cellwright.engine.pipelines.workshop.shop import Workshop
+from cellwright.engine.pipelines.workshop.showing import Showing
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.vision.images import Sensor, disturbed, rendered
+from cellwright.kb.model.cell import Placement
+from cellwright.kb.model.scene import Scene
 
 NO_ERRORS = Errors()
 NEAR_M = 0.4  # how far above a part the camera of the hand looks at it

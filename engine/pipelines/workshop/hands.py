@@ -10,13 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.grasping import ParallelJaws, ThreeFingers
-from engine.pipelines.placing.holding import HAND, gripper_of
-from engine.pipelines.witness.stage import Stage
-from kb.model.cell import Body, BodyKind, Guide, JointKind, Placement
-from kb.model.scene import Scene
-from kb.model.shapes import Box, Cylinder, PlacedShape, Pose
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.grasping import ParallelJaws, ThreeFingers
+from cellwright.engine.pipelines.placing.holding import HAND, gripper_of
+from cellwright.engine.pipelines.witness.stage import Stage
+from cellwright.kb.model.cell import Body, BodyKind, Guide, JointKind, Placement
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.model.shapes import Box, Cylinder, PlacedShape, Pose
 
 LEFT, RIGHT = f"{HAND}_left", f"{HAND}_right"
 ONE, TWO, THREE = (f"{HAND}_finger_{n}" for n in (1, 2, 3))

@@ -1,4 +1,4 @@
-"""A part goes into its hole by the sense of force: the controller of `engine.stages.grasping.insertion`, on an arm with servos.
+"""A part goes into its hole by the sense of force: the controller of `cellwright.engine.stages.grasping.insertion`, on an arm with servos.
 
 The arm goes where the controller says by the Jacobian of the hand. Where it presses, the height gives way: it goes down as fast as
 force is lacking (admittance). The force is that of all contacts of the part but those with the hand, as a sensor at the wrist feels it.
@@ -9,13 +9,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from engine.kernels.rigid import rotation, rotation_vector
-from engine.model.geometry import Floats
-from engine.pipelines.placing.answers import Carry
-from engine.pipelines.placing.holding import HAND
-from engine.pipelines.witness.touches import body_of
-from engine.pipelines.workshop.shop import Workshop
-from engine.stages.grasping.insertion import Insertion, Phase, advance, begun
+from cellwright.engine.kernels.rigid import rotation, rotation_vector
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.answers import Carry
+from cellwright.engine.pipelines.placing.holding import HAND
+from cellwright.engine.pipelines.witness.touches import body_of
+from cellwright.engine.pipelines.workshop.shop import Workshop
+from cellwright.engine.stages.grasping.insertion import Insertion, Phase, advance, begun
 
 ABOVE_M = 0.006  # over the rim, where the search begins
 LOOK_S = 0.01  # between two looks at the force

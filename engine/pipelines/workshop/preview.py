@@ -5,18 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.kernels.rigid import inverse, translation
-from engine.model.geometry import Floats
-from engine.model.moves import Leg as Move
-from engine.model.moves import LegKind
-from engine.pipelines.moves.film import Shot
-from engine.pipelines.moves.hands import corners_s
-from engine.pipelines.placing.answers import Carry, Placed
-from engine.pipelines.placing.holding import HAND, gripper_of
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Body, BodyKind, Cell, Placement
-from kb.model.scene import Scene
-from kb.model.shapes import Box, PlacedShape
+from cellwright.engine.kernels.rigid import inverse, translation
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg as Move
+from cellwright.engine.model.moves import LegKind
+from cellwright.engine.pipelines.moves.film import Shot
+from cellwright.engine.pipelines.moves.hands import corners_s
+from cellwright.engine.pipelines.placing.answers import Carry, Placed
+from cellwright.engine.pipelines.placing.holding import HAND, gripper_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.model.shapes import Box, PlacedShape
 
 EVERY_S = 0.1
 CLOSES_S = 0.7

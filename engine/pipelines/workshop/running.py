@@ -5,27 +5,27 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from engine.kernels.rigid import difference
-from engine.model.execution import Finish, Record
-from engine.model.geometry import Floats
-from engine.pipelines.execution import Execution, Timed
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import ready
-from engine.pipelines.execution.recorder import Recorder, Watcher
-from engine.pipelines.placing.answers import Placed
-from engine.pipelines.placing.assembling import Built
-from engine.pipelines.placing.optics import Errors
-from engine.pipelines.placing.ordering import NotBuilt, Ordered, ordered
-from engine.pipelines.placing.yard import Obstacle, Spot
-from engine.pipelines.simulation import SymbolicWorld
-from engine.pipelines.simulator import Simulator, fault_base
-from engine.pipelines.witness.touches import Touched
-from engine.pipelines.workshop.carrying import Went, carry_out
-from engine.pipelines.workshop.cell import PlacingCell
-from engine.pipelines.workshop.eyes import Eyes
-from engine.pipelines.workshop.shop import Workshop, turned
-from kb.model.domain import Domain
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import difference
+from cellwright.engine.model.execution import Finish, Record
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.execution import Execution, Timed
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.planned import ready
+from cellwright.engine.pipelines.execution.recorder import Recorder, Watcher
+from cellwright.engine.pipelines.placing.answers import Placed
+from cellwright.engine.pipelines.placing.assembling import Built
+from cellwright.engine.pipelines.placing.optics import Errors
+from cellwright.engine.pipelines.placing.ordering import NotBuilt, Ordered, ordered
+from cellwright.engine.pipelines.placing.yard import Obstacle, Spot
+from cellwright.engine.pipelines.simulation import SymbolicWorld
+from cellwright.engine.pipelines.simulator import Simulator, fault_base
+from cellwright.engine.pipelines.witness.touches import Touched
+from cellwright.engine.pipelines.workshop.carrying import Went, carry_out
+from cellwright.engine.pipelines.workshop.cell import PlacingCell
+from cellwright.engine.pipelines.workshop.eyes import Eyes
+from cellwright.engine.pipelines.workshop.shop import Workshop, turned
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.scene import Scene
 
 SETTLE_S = 0.5  # until parts rest
 MOST = 8  # orders that are made

@@ -9,22 +9,22 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from engine.kernels.rigid import inverse
-from engine.model.geometry import Floats
-from engine.model.moves import Leg, LegKind
-from engine.pipelines.moves.hands import corners_s
-from engine.pipelines.placing.holding import HAND
-from engine.pipelines.witness.model import quaternion
-from engine.pipelines.witness.servos import lead
-from engine.pipelines.witness.stage import Stage
-from engine.pipelines.witness.touches import body_of
-from engine.pipelines.workshop.hands import CLOSE_S, Hand, hand_of
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.placements import volume_and_centre
-from kb.model.cell import Body, BodyKind, Cell, Placement
-from kb.model.scene import Scene
+from cellwright.engine.kernels.rigid import inverse
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import Leg, LegKind
+from cellwright.engine.pipelines.moves.hands import corners_s
+from cellwright.engine.pipelines.placing.holding import HAND
+from cellwright.engine.pipelines.witness.model import quaternion
+from cellwright.engine.pipelines.witness.servos import lead
+from cellwright.engine.pipelines.witness.stage import Stage
+from cellwright.engine.pipelines.witness.touches import body_of
+from cellwright.engine.pipelines.workshop.hands import CLOSE_S, Hand, hand_of
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.placements import volume_and_centre
+from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
+from cellwright.kb.model.scene import Scene
 
 SETTLE_S = 0.3  # until the servos have caught up
 EMPTY_FACTOR, CARRY_FACTOR = 0.6, 0.3  # shares of the full speed and acceleration

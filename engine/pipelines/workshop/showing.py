@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.model.geometry import Floats
-from engine.pipelines.placing.carrying import gross
-from engine.pipelines.placing.holding import HAND, Reach, with_hand
-from engine.pipelines.placing.showing import HOLD, held_target, target_holds
-from engine.pipelines.workshop.shop import Workshop
-from engine.stages.geometry.world.model import World
-from kb.model.scene import Scene
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.pipelines.placing.carrying import gross
+from cellwright.engine.pipelines.placing.holding import HAND, Reach, with_hand
+from cellwright.engine.pipelines.placing.showing import HOLD, held_target, target_holds
+from cellwright.engine.pipelines.workshop.shop import Workshop
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.scene import Scene
 
 PAUSE_S = 0.3
 

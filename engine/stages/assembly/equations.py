@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.rigid import skew
-from engine.model.assembly import Feature, FeatureKind, Relation, RelationKind
-from engine.model.geometry import Floats
+from cellwright.engine.kernels.rigid import skew
+from cellwright.engine.model.assembly import Feature, FeatureKind, Relation, RelationKind
+from cellwright.engine.model.geometry import Floats
 
 PLANE, LINE, POINT = FeatureKind.PLANE, FeatureKind.LINE, FeatureKind.POINT
 

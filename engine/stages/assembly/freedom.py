@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.model.assembly import Freedom
-from engine.model.geometry import Floats
-from engine.stages.assembly.solving import EXACT, System, free_directions, moved, solved
+from cellwright.engine.model.assembly import Freedom
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.assembly.solving import EXACT, System, free_directions, moved, solved
 
 NEARBY = (1e-2, 1e-2, 1e-2)  # steps, in sizes of the parts and rad, that are tried away from a solution
 TINY = 1e-6

@@ -5,12 +5,12 @@ from itertools import combinations
 
 import numpy as np
 
-from engine.kernels.rigid import transform, turned
-from engine.model.assembly import Assembled, AssemblyAnswer, Contradiction, Relation, RelationKind
-from engine.model.geometry import Floats
-from engine.stages.assembly.equations import in_order
-from engine.stages.assembly.freedom import free_motions, freedoms
-from engine.stages.assembly.solving import EXACT, System, free_directions, solved, towards
+from cellwright.engine.kernels.rigid import transform, turned
+from cellwright.engine.model.assembly import Assembled, AssemblyAnswer, Contradiction, Relation, RelationKind
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.assembly.equations import in_order
+from cellwright.engine.stages.assembly.freedom import free_motions, freedoms
+from cellwright.engine.stages.assembly.solving import EXACT, System, free_directions, solved, towards
 
 STARTS = 32
 WISHED = 4  # solutions from which preferred relations are approached

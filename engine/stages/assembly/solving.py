@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.rigid import turned
-from engine.model.assembly import Relation
-from engine.model.geometry import Floats
-from engine.stages.assembly.equations import in_order, lack
+from cellwright.engine.kernels.rigid import turned
+from cellwright.engine.model.assembly import Relation
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.assembly.equations import in_order, lack
 
 ROUNDS = 80
 STALLED = 8  # rounds in which what is lacking must shrink by a tenth, or the search ends

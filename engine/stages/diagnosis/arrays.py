@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths, Words
-from engine.model.troubleshooting import Action, Setup, Troubleshooting, field_bits, situation_bits
-from engine.stages.diagnosis.kernels.belief import Beliefs
-from engine.stages.diagnosis.kernels.partition import Partition
-from engine.stages.diagnosis.kernels.rollout import Groups
+from cellwright.engine.kernels.arrays import Floats, Longs, Truths, Words
+from cellwright.engine.model.troubleshooting import Action, Setup, Troubleshooting, field_bits, situation_bits
+from cellwright.engine.stages.diagnosis.kernels.belief import Beliefs
+from cellwright.engine.stages.diagnosis.kernels.partition import Partition
+from cellwright.engine.stages.diagnosis.kernels.rollout import Groups
 
 
 def beliefs(problem: Troubleshooting) -> Beliefs:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 
-from engine.model.circuit import AND, OR, XOR, Circuit, Gate
+from cellwright.engine.model.circuit import AND, OR, XOR, Circuit, Gate
 
 _DECLARED = re.compile(r"(INPUT|OUTPUT)\s*\(\s*([^\s()]+)\s*\)", re.IGNORECASE)
 _DRIVEN = re.compile(r"(\S+)\s*=\s*([A-Za-z]+)\s*\(([^()]*)\)")

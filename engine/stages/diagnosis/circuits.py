@@ -8,8 +8,8 @@ the outputs. This is enough, because a faulty gate can be replaced by its domina
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from engine.model.circuit import XOR, Circuit
-from kb.asp.optimum import best_models
+from cellwright.engine.model.circuit import XOR, Circuit
+from cellwright.kb.asp.optimum import best_models
 
 _RULES = """
 { f(G) : top(G) }.

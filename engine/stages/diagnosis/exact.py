@@ -10,14 +10,14 @@ from typing import Protocol
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.cancellation import Poll
-from engine.model.troubleshooting import Troubleshooting
-from engine.stages.diagnosis import arrays
-from engine.stages.diagnosis.kernels import belief, dense, partition
-from engine.stages.diagnosis.kernels.belief import Beliefs, Trail
-from engine.stages.diagnosis.kernels.memo import Memo
-from engine.stages.diagnosis.kernels.partition import Partition, Room
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.cancellation import Poll
+from cellwright.engine.model.troubleshooting import Troubleshooting
+from cellwright.engine.stages.diagnosis import arrays
+from cellwright.engine.stages.diagnosis.kernels import belief, dense, partition
+from cellwright.engine.stages.diagnosis.kernels.belief import Beliefs, Trail
+from cellwright.engine.stages.diagnosis.kernels.memo import Memo
+from cellwright.engine.stages.diagnosis.kernels.partition import Partition, Room
 
 FIRST_LENGTH = 1 << 14
 CHEAPER = 8  # a state of the table costs about an eighth of an expansion

@@ -4,10 +4,10 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import StrEnum
 
-from engine.model.cases import Case, Hypothesis
-from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
-from kb.model.faults import FaultModel, FaultTest, Repair, inseparable
-from kb.terms import Atom
+from cellwright.engine.model.cases import Case, Hypothesis
+from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
+from cellwright.kb.model.faults import FaultModel, FaultTest, Repair, inseparable
+from cellwright.kb.terms import Atom
 
 CURED, NOT_CURED = "cured", "not cured"
 STOP = "stop safely and ask"

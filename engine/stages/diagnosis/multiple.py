@@ -8,12 +8,12 @@ probabilities decide their order.
 import math
 from collections.abc import Mapping, Sequence
 
-from engine.kernels.cancellation import Interrupted, never
-from engine.model.cases import Hypothesis, Observation
-from engine.stages.diagnosis.knowledge import cure_chance, likelihood
-from kb.asp.optimum import best_models
-from kb.model.faults import FaultModel, FaultTest, Repair
-from kb.terms import Function
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.model.cases import Hypothesis, Observation
+from cellwright.engine.stages.diagnosis.knowledge import cure_chance, likelihood
+from cellwright.kb.asp.optimum import best_models
+from cellwright.kb.model.faults import FaultModel, FaultTest, Repair
+from cellwright.kb.terms import Function
 
 MOST = 12
 _SCALE = 1000  # the factor of the negative logarithms that clingo adds up

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 
-from engine.model.cases import Diagnosis, Hypothesis, Revision
-from kb.model.conditions import Literal, goal_parts
-from kb.model.domain import Domain
-from kb.model.faults import FaultModel
-from kb.terms import Atom, Function, Term, Variable, substitute, substitute_atom
+from cellwright.engine.model.cases import Diagnosis, Hypothesis, Revision
+from cellwright.kb.model.conditions import Literal, goal_parts
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.terms import Atom, Function, Term, Variable, substitute, substitute_atom
 
 Binding = Mapping[Variable, Term]
 

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.cancellation import Interrupted, Poll, never
-from engine.model.troubleshooting import Advice, Conclude, Standing, Tree, Troubleshooting, Try
-from engine.stages.diagnosis import arrays
-from engine.stages.diagnosis.exact import Searcher, begun, possible, searcher
-from engine.stages.diagnosis.kernels import belief, rollout
-from engine.stages.diagnosis.kernels.belief import Trail
-from engine.stages.diagnosis.kernels.memo import Memo
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.cancellation import Interrupted, Poll, never
+from cellwright.engine.model.troubleshooting import Advice, Conclude, Standing, Tree, Troubleshooting, Try
+from cellwright.engine.stages.diagnosis import arrays
+from cellwright.engine.stages.diagnosis.exact import Searcher, begun, possible, searcher
+from cellwright.engine.stages.diagnosis.kernels import belief, rollout
+from cellwright.engine.stages.diagnosis.kernels.belief import Trail
+from cellwright.engine.stages.diagnosis.kernels.memo import Memo
 
 EXPANSIONS = 200_000
 EXPANSION = 4.0  # about nanoseconds of an expansion for each pair of actions and outcomes of each

@@ -10,15 +10,23 @@ from typing import Protocol
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.kernels.cancellation import Interrupted, never
-from engine.model.cases import Case, CaseStep, Diagnosis, Hypothesis, Observation, Prepared, Question
-from engine.model.troubleshooting import Action, Advice, Standing
-from engine.stages.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
-from engine.stages.diagnosis.multiple import explanations
-from engine.stages.diagnosis.selection import Selector
-from kb.model.faults import FaultModel
-from kb.model.plan import Step
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.model.cases import (
+    Case,
+    CaseStep,
+    Diagnosis,
+    Hypothesis,
+    Observation,
+    Prepared,
+    Question,
+)
+from cellwright.engine.model.troubleshooting import Action, Advice, Standing
+from cellwright.engine.stages.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
+from cellwright.engine.stages.diagnosis.multiple import explanations
+from cellwright.engine.stages.diagnosis.selection import Selector
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.model.plan import Step
 
 Answerer = Callable[[Action, Advice], str | None]
 """Gives the outcome of an action; None ends the session."""

@@ -2,7 +2,7 @@
 
 import random
 
-from engine.model.troubleshooting import Conclude, Tree, Troubleshooting, Try
+from cellwright.engine.model.troubleshooting import Conclude, Tree, Troubleshooting, Try
 
 
 def simulated_cost(problem: Troubleshooting, tree: Tree, chance: random.Random) -> float:

@@ -7,10 +7,10 @@ import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from engine.model.cases import Hypothesis
-from engine.model.troubleshooting import Action
-from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, cure_chance, likelihood
-from kb.model.faults import FaultModel
+from cellwright.engine.model.cases import Hypothesis
+from cellwright.engine.model.troubleshooting import Action
+from cellwright.engine.stages.diagnosis.knowledge import CURED, NOT_CURED, cure_chance, likelihood
+from cellwright.kb.model.faults import FaultModel
 
 
 @dataclass

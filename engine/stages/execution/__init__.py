@@ -4,7 +4,7 @@
 and to what is to be done. Who calls it waits for replies, writes the journal and reads the clock.
 """
 
-from engine.stages.execution.events import (
+from cellwright.engine.stages.execution.events import (
     Began,
     Completed,
     Continued,
@@ -25,9 +25,9 @@ from engine.stages.execution.events import (
     Threatened,
     Withdrawn,
 )
-from engine.stages.execution.machine import TIMEOUT, advance, next_time, waits
-from engine.stages.execution.program import Activity, Dwell, Program
-from engine.stages.execution.standing import Running, Standing, standing_of, unrested_after
+from cellwright.engine.stages.execution.machine import TIMEOUT, advance, next_time, waits
+from cellwright.engine.stages.execution.program import Activity, Dwell, Program
+from cellwright.engine.stages.execution.standing import Running, Standing, standing_of, unrested_after
 
 __all__ = [
     "TIMEOUT",

@@ -7,10 +7,10 @@ that take several commands at once get them ahead of time, with a WAIT before ea
 from collections.abc import Iterator
 from dataclasses import replace
 
-from engine.stages.execution.estimate import soonest
-from engine.stages.execution.events import Dispatch
-from engine.stages.execution.program import Activity, Program
-from engine.stages.execution.standing import Running, Standing
+from cellwright.engine.stages.execution.estimate import soonest
+from cellwright.engine.stages.execution.events import Dispatch
+from cellwright.engine.stages.execution.program import Activity, Program
+from cellwright.engine.stages.execution.standing import Running, Standing
 
 
 def dispatched(program: Program, standing: Standing) -> tuple[Standing, tuple[Dispatch, ...]]:

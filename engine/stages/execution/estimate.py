@@ -5,7 +5,7 @@ The estimate looks back over a few unfinished predecessors only, so it is a lowe
 
 from collections.abc import Mapping
 
-from engine.stages.execution.program import Program
+from cellwright.engine.stages.execution.program import Program
 
 DEPTH = 12  # predecessors in a row that are looked at
 

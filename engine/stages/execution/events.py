@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from engine.stages.execution.program import Dwell
+from cellwright.engine.stages.execution.program import Dwell
 
 
 @dataclass(frozen=True, slots=True)

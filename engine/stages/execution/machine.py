@@ -3,12 +3,12 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from engine.model.execution import Phase
-from engine.stages.execution import events as e
-from engine.stages.execution.dispatch import dispatched
-from engine.stages.execution.estimate import soonest
-from engine.stages.execution.program import Program
-from engine.stages.execution.standing import Running, Standing, deadline, unrested_after
+from cellwright.engine.model.execution import Phase
+from cellwright.engine.stages.execution import events as e
+from cellwright.engine.stages.execution.dispatch import dispatched
+from cellwright.engine.stages.execution.estimate import soonest
+from cellwright.engine.stages.execution.program import Program
+from cellwright.engine.stages.execution.standing import Running, Standing, deadline, unrested_after
 
 Step = tuple[Standing, tuple[e.Effect, ...]]
 TIMEOUT = "timeout"

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.stages.execution.program import Program
-from engine.stages.execution.standing import Standing
+from cellwright.engine.stages.execution.program import Program
+from cellwright.engine.stages.execution.standing import Standing
 
 TOLERANCE_MS = 60_000  # a start that is known less exactly than this, either way, is not told
 ASSUMED, WEIGHT = 0.1, 2  # the spread before anything is known, and how many steps this counts for

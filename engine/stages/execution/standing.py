@@ -3,9 +3,9 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-from engine.model.execution import Phase
-from engine.stages.execution.events import Failure
-from engine.stages.execution.program import Activity, Dwell, Program
+from cellwright.engine.model.execution import Phase
+from cellwright.engine.stages.execution.events import Failure
+from cellwright.engine.stages.execution.program import Activity, Dwell, Program
 
 
 @dataclass(frozen=True, slots=True)

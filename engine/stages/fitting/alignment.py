@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.rigid import apply, skew, transform, turned
-from engine.model.fits import Aligning, Alignment, Datums, Unaligned, unusable
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.measurement import Triple
+from cellwright.engine.kernels.rigid import apply, skew, transform, turned
+from cellwright.engine.model.fits import Aligning, Alignment, Datums, Unaligned, unusable
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.measurement import Triple
 
 AGREES = 3.5  # standard deviations
 SAMPLES, STEPS, ROUNDS = 60, 8, 10  # sets of few datums, steps of least squares, choices of those that agree

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import apply, inverse
-from engine.model.fits import Cloud, Shape
-from engine.model.geometry import Floats, Truths
-from engine.stages.fitting.rays import Met, met
-from engine.stages.fitting.starts import Guess
+from cellwright.engine.kernels.rigid import apply, inverse
+from cellwright.engine.model.fits import Cloud, Shape
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.fitting.rays import Met, met
+from cellwright.engine.stages.fitting.starts import Guess
 
 TURNING = 0.05  # by this share the cosine of the incidence may change over a beam; with more, the fifth order is not enough
 AROUND = np.pi / 3.0 * np.arange(6)

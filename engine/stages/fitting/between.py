@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from engine.model.fits import PARAMETERS, Fit, Related, Shape
-from engine.model.geometry import Floats
+from cellwright.engine.model.fits import PARAMETERS, Fit, Related, Shape
+from cellwright.engine.model.geometry import Floats
 
 AXIAL = (Shape.PLANE, Shape.CYLINDER, Shape.CONE, Shape.CIRCLE)  # they have a direction
 CENTRED = (Shape.SPHERE, Shape.CIRCLE)  # they have a place in every direction

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.geometry import Floats, Longs, Truths
 
 NEAREST, AMONG, LEAST = (
     12,

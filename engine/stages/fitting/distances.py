@@ -6,8 +6,8 @@ towards y. Signs: above a plane, outside a sphere, cylinder, cone or circle is p
 
 import numpy as np
 
-from engine.model.fits import Shape
-from engine.model.geometry import Floats
+from cellwright.engine.model.fits import Shape
+from cellwright.engine.model.geometry import Floats
 
 NEAREST_M = 1e-12  # to an axis: there no direction away from it is known
 

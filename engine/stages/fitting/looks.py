@@ -8,11 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.kernels.rigid import skew
-from engine.model.fits import Alignment, Datums
-from engine.model.geometry import Floats
-from engine.model.measurement import Triple
-from engine.stages.fitting.alignment import information
+from cellwright.engine.kernels.rigid import skew
+from cellwright.engine.model.fits import Alignment, Datums
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.measurement import Triple
+from cellwright.engine.stages.fitting.alignment import information
 
 SURE = 2.0  # standard deviations
 

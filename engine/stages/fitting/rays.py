@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.fits import Shape
-from engine.model.geometry import Floats, Truths
-from engine.stages.fitting.distances import distances, normals
+from cellwright.engine.model.fits import Shape
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.fitting.distances import distances, normals
 
 GRAZING = 0.05  # cosine: along a beam flatter than this the range means little
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from engine.kernels.rigid import apply, inverse, transform
-from engine.model.fits import Cloud, Shape
-from engine.model.geometry import Floats, Longs
-from engine.stages.fitting.distances import distances
+from cellwright.engine.kernels.rigid import apply, inverse, transform
+from cellwright.engine.model.fits import Cloud, Shape
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.stages.fitting.distances import distances
 
 GUESSES, LOOKED_AT = 300, 250  # guesses, and points that each is compared with
 SAMPLE = {Shape.PLANE: 3, Shape.SPHERE: 4, Shape.CYLINDER: 2, Shape.CONE: 3, Shape.CIRCLE: 3}

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import apply, inverse, transform, turned
-from engine.model.fits import PARAMETERS, Cloud, Fit, Fitting, Shape, Unfitted, unusable
-from engine.model.geometry import Floats, Truths
-from engine.stages.fitting.beams import narrowed
-from engine.stages.fitting.distances import distances, normals, slopes
-from engine.stages.fitting.rays import GRAZING, met
-from engine.stages.fitting.starts import SAMPLE, Guess, guesses
+from cellwright.engine.kernels.rigid import apply, inverse, transform, turned
+from cellwright.engine.model.fits import PARAMETERS, Cloud, Fit, Fitting, Shape, Unfitted, unusable
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.fitting.beams import narrowed
+from cellwright.engine.stages.fitting.distances import distances, normals, slopes
+from cellwright.engine.stages.fitting.rays import GRAZING, met
+from cellwright.engine.stages.fitting.starts import SAMPLE, Guess, guesses
 
 BELONGS = 3.5  # standard deviations: a point farther off does not belong to the shape
 USUAL = 4.0  # times the median: until a shape has settled, a point farther off does not belong to it

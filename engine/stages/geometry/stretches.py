@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-from kb.numbers import is_count
+from cellwright.kb.numbers import is_count
 
 STRETCH = 1024  # rows whose carrier poses are in memory at a time
 

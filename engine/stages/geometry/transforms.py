@@ -1,21 +1,21 @@
-"""Poses of files as homogeneous matrices (..., 4, 4); what is done with matrices is in `engine.kernels.rigid`."""
+"""Poses of files as homogeneous matrices (..., 4, 4); what is done with matrices is in `cellwright.engine.kernels.rigid`."""
 
 import functools
 import math
 
 import numpy as np
 
-from engine.kernels.geometry.angles import angle_of
-from engine.kernels.linear import matmul
-from engine.kernels.rigid import apply as apply
-from engine.kernels.rigid import difference as difference
-from engine.kernels.rigid import inverse as inverse
-from engine.kernels.rigid import rotation as rotation
-from engine.kernels.rigid import rotation_vector as rotation_vector
-from engine.kernels.rigid import transform as transform
-from engine.kernels.rigid import translation as translation
-from engine.model.geometry import Floats
-from kb.model.shapes import Offsets, Pose
+from cellwright.engine.kernels.geometry.angles import angle_of
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.kernels.rigid import apply as apply
+from cellwright.engine.kernels.rigid import difference as difference
+from cellwright.engine.kernels.rigid import inverse as inverse
+from cellwright.engine.kernels.rigid import rotation as rotation
+from cellwright.engine.kernels.rigid import rotation_vector as rotation_vector
+from cellwright.engine.kernels.rigid import transform as transform
+from cellwright.engine.kernels.rigid import translation as translation
+from cellwright.engine.model.geometry import Floats
+from cellwright.kb.model.shapes import Offsets, Pose
 
 
 def of_pose(pose: Pose) -> Floats:

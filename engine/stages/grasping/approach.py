@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
 
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.grasping import Approach, ApproachAnswer, NoApproach
-from engine.ports import Gripper
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.grasping import Approach, ApproachAnswer, NoApproach
+from cellwright.engine.ports import Gripper
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,8 +5,8 @@ A triangle may be a line or a point: what is seen of an unknown thing is a line 
 
 import numpy as np
 
-from engine.model.geometry import Floats, Truths
-from engine.stages.grasping.kernels.meeting import Blocks, meeting
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.grasping.kernels.meeting import Blocks, meeting
 
 
 def meet(T: Floats, middles: Floats, halves: Floats, triangles: Floats) -> Truths:

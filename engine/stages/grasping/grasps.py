@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.kernels.rigid import rotation, transform
-from engine.model.geometry import Floats, Truths
-from engine.model.grasping import Grasp, ParallelJaws
-from engine.model.solid import Facet, Solid
-from engine.stages.grasping.blocks import meet
+from cellwright.engine.kernels.rigid import rotation, transform
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.grasping import Grasp, ParallelJaws
+from cellwright.engine.model.solid import Facet, Solid
+from cellwright.engine.stages.grasping.blocks import meet
 
 TURNS = 72
 PARALLEL = 1e-6

@@ -11,7 +11,7 @@ from enum import Enum
 
 import numpy as np
 
-from engine.model.geometry import Floats
+from cellwright.engine.model.geometry import Floats
 
 TOUCH_N = 3.0  # a force that means contact
 SIGMAS = 3.0

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from engine.kernels.rigid import transform
-from engine.model.geometry import Floats
-from engine.model.grasping import Placement
-from engine.model.solid import Solid
+from cellwright.engine.kernels.rigid import transform
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.grasping import Placement
+from cellwright.engine.model.solid import Solid
 
 SAME = 1e-6
 STEADY_M = 0.002

@@ -7,8 +7,8 @@ ends without the goal, there is none among these holds and rests.
 
 import numpy as np
 
-from engine.model.geometry import Truths
-from engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
+from cellwright.engine.model.geometry import Truths
+from cellwright.engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
 
 
 def regrasps(start: Truths, goal: Truths, possible: Truths, most: int = 16, fewest: int = 0) -> RegraspAnswer:

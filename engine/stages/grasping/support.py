@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.kernels.rigid import apply
-from engine.model.geometry import Floats
-from engine.model.solid import Facet, Solid
-from engine.stages.grasping.grasps import within
-from engine.stages.grasping.placements import volume_and_centre
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.solid import Facet, Solid
+from cellwright.engine.stages.grasping.grasps import within
+from cellwright.engine.stages.grasping.placements import volume_and_centre
 
 FLAT = np.cos(np.radians(4))  # a face that deviates less from the horizontal carries, or is carried
 TOUCH_M = 0.003  # faces nearer than this touch

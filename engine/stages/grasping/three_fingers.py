@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linprog, nnls
 
-from engine.kernels.rigid import transform
-from engine.model.geometry import Floats, Longs
-from engine.model.grasping import Grasp, ThreeFingers
-from engine.model.solid import Solid
-from engine.stages.grasping.blocks import meet
-from engine.stages.grasping.grasps import GRAVITY
+from cellwright.engine.kernels.rigid import transform
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.model.grasping import Grasp, ThreeFingers
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.stages.grasping.blocks import meet
+from cellwright.engine.stages.grasping.grasps import GRAVITY
 
 EDGES = 8  # of the pyramid that stands for a friction cone
 CLOSED = 1e-6  # forces or torques, of a pressing force, that count as none

@@ -6,28 +6,35 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
-from engine.model.task import Bits, GroundOperator, Task, bitset
-from engine.stages.grounding.aggregates import expanded
-from engine.stages.grounding.ambiguity import ambiguities
-from engine.stages.grounding.batches import Batches
-from engine.stages.grounding.closure import deduction
-from engine.stages.grounding.derived import Rules, Support, Supports, supports_of
-from engine.stages.grounding.diagnostics import amiss, contradictions, violations
-from engine.stages.grounding.diagrams import decide
-from engine.stages.grounding.firing import firing
-from engine.stages.grounding.goals import Goals, Parted, layered
-from engine.stages.grounding.initial import default_instances as default_instances
-from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.instances import Doubt, Instances
-from engine.stages.grounding.invariants import mutex_groups
-from engine.stages.grounding.layers import axioms
-from engine.stages.grounding.levels import Numbers, unmeetable, with_tests
-from engine.stages.grounding.limits import suspects
-from engine.stages.grounding.numbering import DERIVED, Numbering, complemented
-from engine.stages.grounding.numeric import COMPARED, without_quantities
-from engine.stages.grounding.program import Vocabulary, conditionals, instance, is_conditional, rule, schemas
-from engine.stages.grounding.reachability import Reachability
-from engine.stages.grounding.rows import (
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset
+from cellwright.engine.stages.grounding.aggregates import expanded
+from cellwright.engine.stages.grounding.ambiguity import ambiguities
+from cellwright.engine.stages.grounding.batches import Batches
+from cellwright.engine.stages.grounding.closure import deduction
+from cellwright.engine.stages.grounding.derived import Rules, Support, Supports, supports_of
+from cellwright.engine.stages.grounding.diagnostics import amiss, contradictions, violations
+from cellwright.engine.stages.grounding.diagrams import decide
+from cellwright.engine.stages.grounding.firing import firing
+from cellwright.engine.stages.grounding.goals import Goals, Parted, layered
+from cellwright.engine.stages.grounding.initial import default_instances as default_instances
+from cellwright.engine.stages.grounding.initial import initial_state
+from cellwright.engine.stages.grounding.instances import Doubt, Instances
+from cellwright.engine.stages.grounding.invariants import mutex_groups
+from cellwright.engine.stages.grounding.layers import axioms
+from cellwright.engine.stages.grounding.levels import Numbers, unmeetable, with_tests
+from cellwright.engine.stages.grounding.limits import suspects
+from cellwright.engine.stages.grounding.numbering import DERIVED, Numbering, complemented
+from cellwright.engine.stages.grounding.numeric import COMPARED, without_quantities
+from cellwright.engine.stages.grounding.program import (
+    Vocabulary,
+    conditionals,
+    instance,
+    is_conditional,
+    rule,
+    schemas,
+)
+from cellwright.engine.stages.grounding.reachability import Reachability
+from cellwright.engine.stages.grounding.rows import (
     conditional_changes,
     derivations,
     happening_terms,
@@ -35,21 +42,21 @@ from engine.stages.grounding.rows import (
     instances,
     matches,
 )
-from engine.stages.grounding.turns import Turns
-from engine.stages.grounding.universe import Universe
-from engine.stages.grounding.weights import weights
-from engine.stages.grounding.workflow import Workflow
-from kb.asp import Grounder
-from kb.asp.statics import try_first, within_limits
-from kb.cycles import no_search_for_cycles
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.loader.amounts import amounts_of
-from kb.model.conditions import Literal, goal_parts
-from kb.model.domain import Kind, Rule
-from kb.model.normalise import Normaliser
-from kb.model.problem import Problem
-from kb.model.workflow import Listed, holding, late_stages
-from kb.terms import Atom, Function
+from cellwright.engine.stages.grounding.turns import Turns
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.engine.stages.grounding.weights import weights
+from cellwright.engine.stages.grounding.workflow import Workflow
+from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.statics import try_first, within_limits
+from cellwright.kb.cycles import no_search_for_cycles
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.conditions import Literal, goal_parts
+from cellwright.kb.model.domain import Kind, Rule
+from cellwright.kb.model.normalise import Normaliser
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import Listed, holding, late_stages
+from cellwright.kb.terms import Atom, Function
 
 Made = TypeVar("Made", Task, Parted)
 

@@ -1,15 +1,15 @@
 """Aggregates over fluents, replaced by derived predicates: one for what is collected, one for whether the value fits.
 
 A rule with the aggregate A becomes a rule with the literal `_fits_n(outer variables)`. The atoms `_collected_n(outer variables,
-tuple)` are true where a tuple belongs to the set. Which of them make `_fits_n` true, `engine.stages.grounding.diagrams` says when
+tuple)` are true where a tuple belongs to the set. Which of them make `_fits_n` true, `cellwright.engine.stages.grounding.diagrams` says when
 all atoms have numbers. Aggregates that give a variable its value get one atom for each value that the set may have.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.conditions import (
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.conditions import (
     Aggregate,
     Body,
     BodyPart,
@@ -18,8 +18,8 @@ from kb.model.conditions import (
     StateAggregate,
     part_variables,
 )
-from kb.model.domain import OBJECT, Domain, Rule
-from kb.terms import ANYTHING, Atom, Function, Term, Variable, is_ground, variables
+from cellwright.kb.model.domain import OBJECT, Domain, Rule
+from cellwright.kb.terms import ANYTHING, Atom, Function, Term, Variable, is_ground, variables
 
 TUPLE, COLLECTED, FITS = "_tuple", "_collected_", "_fits_"
 

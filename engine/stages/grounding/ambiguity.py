@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 
-from engine.model.task import Bits, indices
-from engine.stages.grounding.instances import Doubt
-from kb.diagnostics import Diagnostic
-from kb.model.domain import Domain, Operator
-from kb.terms import Atom
+from cellwright.engine.model.task import Bits, indices
+from cellwright.engine.stages.grounding.instances import Doubt
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.terms import Atom
 
 
 def ambiguities(

@@ -8,11 +8,11 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from engine.kernels.bits import indices
-from engine.stages.grounding.derived import Rules
-from engine.stages.grounding.universe import Universe
-from engine.stages.grounding.workflow import Advance, Workflow
-from kb.terms import Atom, Function
+from cellwright.engine.kernels.bits import indices
+from cellwright.engine.stages.grounding.derived import Rules
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.engine.stages.grounding.workflow import Advance, Workflow
+from cellwright.kb.terms import Atom, Function
 
 Signed = tuple[int, ...]
 Happening = tuple[Signed, Atom]

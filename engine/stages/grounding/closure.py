@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from engine.model.task import Bits, bitset, indices
-from engine.stages.grounding.consequences import consequences
-from engine.stages.grounding.program import Vocabulary
-from engine.stages.grounding.universe import Universe
-from kb.model.domain import Domain
+from cellwright.engine.model.task import Bits, bitset, indices
+from cellwright.engine.stages.grounding.consequences import consequences
+from cellwright.engine.stages.grounding.program import Vocabulary
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.model.domain import Domain
 
 Closure = tuple[Bits, Bits]
 

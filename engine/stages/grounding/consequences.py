@@ -12,15 +12,15 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from engine.model.task import Bits, bitset
-from engine.stages.grounding.program import Vocabulary, consequence_body, numbered, rule
-from engine.stages.grounding.universe import Universe
-from kb.asp.tables import Table
-from kb.asp.vocabulary import guard
-from kb.model.bindings import free_variables
-from kb.model.conditions import Aggregate, BodyPart, Comparison
-from kb.model.domain import Consequence, DeductiveOperator, Domain
-from kb.terms import ANYTHING, Function, Term, Variable, variables
+from cellwright.engine.model.task import Bits, bitset
+from cellwright.engine.stages.grounding.program import Vocabulary, consequence_body, numbered, rule
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.asp.tables import Table
+from cellwright.kb.asp.vocabulary import guard
+from cellwright.kb.model.bindings import free_variables
+from cellwright.kb.model.conditions import Aggregate, BodyPart, Comparison
+from cellwright.kb.model.domain import Consequence, DeductiveOperator, Domain
+from cellwright.kb.terms import ANYTHING, Function, Term, Variable, variables
 
 Kind = tuple[bool, bool]  # (the trigger is added, the consequence is implied); False means denied
 TRIGGER, CONSEQUENCE, KEY = "Trigger__", "Consequence__", "Key__"

@@ -1,7 +1,7 @@
 # Types with which Cython compiles conserving.py. Its meaning is written there.
 import cython
 
-from engine.kernels.bits cimport indices
+from cellwright.engine.kernels.bits cimport indices
 
 @cython.final
 cdef class Conserving:

@@ -6,7 +6,7 @@ Plain Python, compiled with the types in `conserving.pxd`.
 
 from collections.abc import Sequence
 
-from engine.kernels.bits import Bits, indices
+from cellwright.engine.kernels.bits import Bits, indices
 
 
 class Conserving:

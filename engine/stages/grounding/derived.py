@@ -4,13 +4,13 @@ A support is a set of signed atom numbers: n means "atom n is true", ~n means "a
 depend on each other recursively form a component. The supports of a component are computed together, as a
 least fixpoint of antichains. The negation of an atom is computed when its component is finished
 (stratification): it is the set of minimal ways to break every support. An atom with many supports stays as it is: it is
-then its own support, and `engine.stages.grounding.layers` keeps its rules.
+then its own support, and `cellwright.engine.stages.grounding.layers` keeps its rules.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from engine.kernels.bits import Bits, indices
-from kb.graphs import components
+from cellwright.engine.kernels.bits import Bits, indices
+from cellwright.kb.graphs import components
 
 Support = frozenset[int]
 Rules = dict[int, list[tuple[int, ...]]]  # the rule bodies of each derived atom, as signed numbers

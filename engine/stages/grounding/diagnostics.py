@@ -2,15 +2,15 @@
 
 from collections.abc import Iterator
 
-from engine.model.task import Bits, indices
-from engine.stages.grounding.closure import Deduction
-from engine.stages.grounding.instances import Instances
-from engine.stages.grounding.universe import Universe
-from kb.asp import Grounder
-from kb.asp.vocabulary import VIOLATED
-from kb.diagnostics import Diagnostic
-from kb.model.problem import Problem
-from kb.terms import Function, Number
+from cellwright.engine.model.task import Bits, indices
+from cellwright.engine.stages.grounding.closure import Deduction
+from cellwright.engine.stages.grounding.instances import Instances
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.vocabulary import VIOLATED
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Number
 
 
 def violations(problem: Problem, grounder: Grounder) -> Iterator[Diagnostic]:

@@ -8,13 +8,13 @@ smaller one does, or the reverse, nodes ask only for what is needed.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.model.task import Bits
-from engine.stages.grounding.aggregates import COLLECTED, Fitting
-from engine.stages.grounding.derived import Rules
-from engine.stages.grounding.universe import Universe
-from kb.arithmetic import evaluate, order_key
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.terms import Function, Number, Term, Variable, match, substitute
+from cellwright.engine.model.task import Bits
+from cellwright.engine.stages.grounding.aggregates import COLLECTED, Fitting
+from cellwright.engine.stages.grounding.derived import Rules
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.arithmetic import evaluate, order_key
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.terms import Function, Number, Term, Variable, match, substitute
 
 Key = tuple[object, ...]
 Body = tuple[int, ...]

@@ -7,7 +7,7 @@ see this, and searches would take the goal for reachable.
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from engine.model.task import Bits, GroundOperator, indices
+from cellwright.engine.model.task import Bits, GroundOperator, indices
 
 
 def firing(operators: Iterable[GroundOperator], groups: Iterable[Bits]) -> Iterator[GroundOperator]:

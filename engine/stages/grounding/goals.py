@@ -12,12 +12,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 
-from engine.model.stages import ENDS, MEETS
-from engine.model.task import Bits, GroundOperator, Task
-from engine.stages.grounding.derived import Rules, Support
-from engine.stages.grounding.numbering import Numbering
-from engine.stages.grounding.universe import Universe
-from kb.terms import Atom, Function, Number
+from cellwright.engine.model.stages import ENDS, MEETS
+from cellwright.engine.model.task import Bits, GroundOperator, Task
+from cellwright.engine.stages.grounding.derived import Rules, Support
+from cellwright.engine.stages.grounding.numbering import Numbering
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.terms import Atom, Function, Number
 
 MAX_ALTERNATIVES = 64
 NO_STAGES: Mapping[str, int] = {}

@@ -5,17 +5,23 @@ contradicts nothing (language reference, Meaning 6).
 import re
 from collections.abc import Iterable, Iterator
 
-from engine.model.task import Bits, bitset
-from engine.stages.grounding.closure import Deduction, deduction
-from engine.stages.grounding.program import Vocabulary, consequence_body, deduction_rules, reachable, rule
-from engine.stages.grounding.universe import Universe
-from kb.asp import Grounder
-from kb.asp.statics import evaluate, evaluated
-from kb.asp.vocabulary import guard
-from kb.diagnostics import Diagnostic
-from kb.model.domain import BUILT_IN_TYPES, Domain
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number
+from cellwright.engine.model.task import Bits, bitset
+from cellwright.engine.stages.grounding.closure import Deduction, deduction
+from cellwright.engine.stages.grounding.program import (
+    Vocabulary,
+    consequence_body,
+    deduction_rules,
+    reachable,
+    rule,
+)
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.statics import evaluate, evaluated
+from cellwright.kb.asp.vocabulary import guard
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.model.domain import BUILT_IN_TYPES, Domain
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number
 
 STRANGE = "_strange"
 NAME = re.compile(r"[a-z_]\w*")

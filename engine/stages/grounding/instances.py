@@ -8,20 +8,20 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
-from engine.stages.grounding.batches import Batches
-from engine.stages.grounding.closure import Deduction
-from engine.stages.grounding.derived import Support, Supports
-from engine.stages.grounding.numbering import Numbering
-from engine.stages.grounding.program import Schema, is_conditional, signed
-from engine.stages.grounding.traits import Amiss, Shared
-from engine.stages.grounding.turns import Turns
-from engine.stages.grounding.universe import Universe
-from engine.stages.grounding.workflow import Advance, Workflow
-from kb.asp.tables import Table
-from kb.model.amounts import Amounts
-from kb.model.domain import Operator
-from kb.terms import Atom, Function, substitute_atom
+from cellwright.engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
+from cellwright.engine.stages.grounding.batches import Batches
+from cellwright.engine.stages.grounding.closure import Deduction
+from cellwright.engine.stages.grounding.derived import Support, Supports
+from cellwright.engine.stages.grounding.numbering import Numbering
+from cellwright.engine.stages.grounding.program import Schema, is_conditional, signed
+from cellwright.engine.stages.grounding.traits import Amiss, Shared
+from cellwright.engine.stages.grounding.turns import Turns
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.engine.stages.grounding.workflow import Advance, Workflow
+from cellwright.kb.asp.tables import Table
+from cellwright.kb.model.amounts import Amounts
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.terms import Atom, Function, substitute_atom
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,9 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
-from engine.model.task import Bits, GroundOperator, indices
-from engine.stages.grounding.conserving import Conserving
-from kb.terms import Atom, Term
+from cellwright.engine.model.task import Bits, GroundOperator, indices
+from cellwright.engine.stages.grounding.conserving import Conserving
+from cellwright.kb.terms import Atom, Term
 
 Part = tuple[str, tuple[int, ...]]  # predicate, and the argument position of each invariant parameter
 Candidate = frozenset[Part]

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Mapping
 
-from engine.model.axioms import Axiom, Axioms
-from engine.stages.grounding.derived import Rules
-from engine.stages.grounding.numbering import DERIVED, Numbering
-from kb.graphs import components
+from cellwright.engine.model.axioms import Axiom, Axioms
+from cellwright.engine.stages.grounding.derived import Rules
+from cellwright.engine.stages.grounding.numbering import DERIVED, Numbering
+from cellwright.kb.graphs import components
 
 
 def axioms(rules: Rules, numbering: Numbering, compares: Callable[[int], bool]) -> Axioms | None:

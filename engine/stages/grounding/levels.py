@@ -4,17 +4,17 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from engine.kernels.bits import Bits, bitset
-from engine.model.axioms import Axioms
-from engine.model.quantities import UNBOUNDED, Assignment, Comparing, Level, Linear, Met
-from engine.model.task import GroundOperator
-from engine.stages.grounding.numbering import Numbering
-from engine.stages.grounding.numeric import Quantities
-from engine.stages.grounding.universe import Universe
-from kb.arithmetic import evaluate_atom
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.domain import Domain
-from kb.terms import (
+from cellwright.engine.kernels.bits import Bits, bitset
+from cellwright.engine.model.axioms import Axioms
+from cellwright.engine.model.quantities import UNBOUNDED, Assignment, Comparing, Level, Linear, Met
+from cellwright.engine.model.task import GroundOperator
+from cellwright.engine.stages.grounding.numbering import Numbering
+from cellwright.engine.stages.grounding.numeric import Quantities
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.arithmetic import evaluate_atom
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.terms import (
     Atom,
     Function,
     Number,

@@ -4,14 +4,14 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from math import prod
 
-from engine.stages.grounding.consequences import sides
-from engine.stages.grounding.program import Schema, Vocabulary, schemas
-from kb.asp.statics import Suspect, static_suspects
-from kb.model.conditions import Aggregate, Literal, Parameter
-from kb.model.domain import NUMERIC_TYPES, OBJECT, Consequence, DeductiveOperator, Domain
-from kb.model.normalise import Normaliser
-from kb.model.problem import Problem
-from kb.terms import Variable, variables
+from cellwright.engine.stages.grounding.consequences import sides
+from cellwright.engine.stages.grounding.program import Schema, Vocabulary, schemas
+from cellwright.kb.asp.statics import Suspect, static_suspects
+from cellwright.kb.model.conditions import Aggregate, Literal, Parameter
+from cellwright.kb.model.domain import NUMERIC_TYPES, OBJECT, Consequence, DeductiveOperator, Domain
+from cellwright.kb.model.normalise import Normaliser
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Variable, variables
 
 NUMBERS = 1000  # assumed number of values of a numeric variable
 

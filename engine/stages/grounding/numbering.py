@@ -7,7 +7,7 @@ that is not replaced by its definition.
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset, indices
+from cellwright.engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset, indices
 
 DERIVED = (
     1 << 29

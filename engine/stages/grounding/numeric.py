@@ -8,13 +8,24 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.bindings import free_variables
-from kb.model.conditions import And, Body, Comparison, Condition, Exists, ForAll, Literal, Not, Or, goal_parts
-from kb.model.domain import Domain, Operator
-from kb.model.problem import Problem
-from kb.model.quantities import misvalued
-from kb.terms import (
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.bindings import free_variables
+from cellwright.kb.model.conditions import (
+    And,
+    Body,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    goal_parts,
+)
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.quantities import misvalued
+from cellwright.kb.terms import (
     Atom,
     Function,
     Number,

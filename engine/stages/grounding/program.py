@@ -8,12 +8,21 @@ stage names. Reachability ignores negative conditions.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from kb.asp.vocabulary import guard
-from kb.model.bindings import closed, free_variables
-from kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter
-from kb.model.domain import UNLISTED, Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule
-from kb.model.normalise import Normaliser
-from kb.terms import ANYTHING, Atom, Function, Variable
+from cellwright.kb.asp.vocabulary import guard
+from cellwright.kb.model.bindings import closed, free_variables
+from cellwright.kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter
+from cellwright.kb.model.domain import (
+    UNLISTED,
+    Consequence,
+    DeductiveOperator,
+    Domain,
+    Effect,
+    Kind,
+    Operator,
+    Rule,
+)
+from cellwright.kb.model.normalise import Normaliser
+from cellwright.kb.terms import ANYTHING, Atom, Function, Variable
 
 
 @dataclass(frozen=True, slots=True)

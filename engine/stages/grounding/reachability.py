@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from engine.stages.grounding.numeric import COMPARED, Quantities
-from engine.stages.grounding.program import (
+from cellwright.engine.stages.grounding.numeric import COMPARED, Quantities
+from cellwright.engine.stages.grounding.program import (
     Conditional,
     Schema,
     Vocabulary,
@@ -16,10 +16,10 @@ from engine.stages.grounding.program import (
     reachable,
     rule,
 )
-from kb.asp.vocabulary import static_program
-from kb.model.conditions import Body, Literal
-from kb.model.domain import Rule
-from kb.terms import Atom
+from cellwright.kb.asp.vocabulary import static_program
+from cellwright.kb.model.conditions import Body, Literal
+from cellwright.kb.model.domain import Rule
+from cellwright.kb.terms import Atom
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ A signed number n means "atom n is true", ~n means "atom n is false".
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from engine.model.task import Bits
-from engine.stages.grounding.instances import InstanceRows
-from engine.stages.grounding.program import (
+from cellwright.engine.model.task import Bits
+from cellwright.engine.stages.grounding.instances import InstanceRows
+from cellwright.engine.stages.grounding.program import (
     Conditional,
     Schema,
     Vocabulary,
@@ -19,10 +19,10 @@ from engine.stages.grounding.program import (
     rule,
     signed,
 )
-from engine.stages.grounding.universe import Universe
-from kb.model.conditions import Body, Literal
-from kb.model.domain import Effect, Rule
-from kb.terms import Atom, Function, Variable, substitute_atom, variables
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.model.conditions import Body, Literal
+from cellwright.kb.model.domain import Effect, Rule
+from cellwright.kb.terms import Atom, Function, Variable, substitute_atom, variables
 
 Signed = tuple[int, ...]
 ConditionalChange = tuple[Signed, Bits, Bits]  # (conditions, adds, deletes)

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from kb.model.amounts import Amounts, NoAmount
-from kb.model.domain import Operator
-from kb.model.traits import traits
-from kb.terms import Function, Term, variables
+from cellwright.kb.model.amounts import Amounts, NoAmount
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.traits import traits
+from cellwright.kb.terms import Function, Term, variables
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,15 +8,15 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from engine.kernels.bits import indices
-from engine.model.task import Bits, bitset
-from engine.stages.grounding.closure import Deduction
-from engine.stages.grounding.derived import Rules
-from engine.stages.grounding.universe import Universe
-from engine.stages.grounding.workflow import Advance, Course, Workflow, matching
-from kb.model.domain import Domain, Operator
-from kb.model.workflow import late_stages, reaches
-from kb.terms import Atom, Function, Number, parts_of
+from cellwright.engine.kernels.bits import indices
+from cellwright.engine.model.task import Bits, bitset
+from cellwright.engine.stages.grounding.closure import Deduction
+from cellwright.engine.stages.grounding.derived import Rules
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.engine.stages.grounding.workflow import Advance, Course, Workflow, matching
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.model.workflow import late_stages, reaches
+from cellwright.kb.terms import Atom, Function, Number, parts_of
 
 Signed = tuple[int, ...]
 ConditionalChange = tuple[

@@ -5,12 +5,12 @@ One `Universe` uses one grounder.
 
 from collections.abc import Iterable, Mapping
 
-from engine.model.task import Bits, indices
-from engine.stages.grounding.numbering import DERIVED
-from engine.stages.grounding.program import Vocabulary, numbered
-from kb.asp import Grounder
-from kb.asp.tables import Table
-from kb.terms import Atom, Function, Term
+from cellwright.engine.model.task import Bits, indices
+from cellwright.engine.stages.grounding.numbering import DERIVED
+from cellwright.engine.stages.grounding.program import Vocabulary, numbered
+from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.tables import Table
+from cellwright.kb.terms import Atom, Function, Term
 
 
 class Universe:

@@ -5,10 +5,10 @@ The domain gives them, or they are derived from the operators.
 
 from collections.abc import Sequence
 
-from engine.model.task import Bits, GroundOperator, bitset
-from kb.graphs import components
-from kb.model.domain import Domain
-from kb.terms import Atom
+from cellwright.engine.model.task import Bits, GroundOperator, bitset
+from cellwright.kb.graphs import components
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.terms import Atom
 
 
 def weights(domain: Domain, atoms: Sequence[Atom], operators: Sequence[GroundOperator]) -> tuple[int, ...]:

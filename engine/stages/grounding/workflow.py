@@ -2,20 +2,20 @@
 
 An event happens only as the next stage of some chain. A fluent stage is reached where the fluent holds: an internal
 operator without cost moves the counter then. To reach it as soon as possible is never worse, and plans do
-(`engine.model.replay`), so that it is no choice of the operators that add the fluent.
+(`cellwright.engine.model.replay`), so that it is no choice of the operators that add the fluent.
 """
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.stages import reaching, stage_atom
-from engine.model.task import Bits, GroundOperator, bitset
-from engine.stages.grounding.goals import Counted
-from engine.stages.grounding.universe import Universe
-from kb.model.problem import Chain, Problem
-from kb.model.workflow import Holds, begun, lasting, reaches
-from kb.terms import Atom, is_ground, parts_of
+from cellwright.engine.model.stages import reaching, stage_atom
+from cellwright.engine.model.task import Bits, GroundOperator, bitset
+from cellwright.engine.stages.grounding.goals import Counted
+from cellwright.engine.stages.grounding.universe import Universe
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.workflow import Holds, begun, lasting, reaches
+from cellwright.kb.terms import Atom, is_ground, parts_of
 
 
 def matching(stage: Atom, universe: Universe) -> list[int]:

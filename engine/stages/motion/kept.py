@@ -10,13 +10,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.motion.shorten import Route, shorten
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.motion import Answer, Moved, Query, Refused, Strategy
-from engine.ports import Hand, MotionGround
-from engine.stages.motion.planner import plan, tried
-from engine.stages.motion.proving import with_proof
-from engine.stages.motion.roadmap import Roadmap, back, mapped, stale
+from cellwright.engine.kernels.motion.shorten import Route, shorten
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.motion import Answer, Moved, Query, Refused, Strategy
+from cellwright.engine.ports import Hand, MotionGround
+from cellwright.engine.stages.motion.planner import plan, tried
+from cellwright.engine.stages.motion.proving import with_proof
+from cellwright.engine.stages.motion.roadmap import Roadmap, back, mapped, stale
 
 NEAR = 12  # nodes that an end is joined to, the nearest first
 TRIES = 40  # routes that are looked at for one motion

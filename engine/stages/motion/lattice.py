@@ -9,10 +9,10 @@ from itertools import product
 
 import numpy as np
 
-from engine.kernels.arrays import Bytes
-from engine.kernels.geometry.edges import Edges, free_edges
-from engine.model.geometry import Floats, Longs, Truths
-from engine.ports import MotionGround
+from cellwright.engine.kernels.arrays import Bytes
+from cellwright.engine.kernels.geometry.edges import Edges, free_edges
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.ports import MotionGround
 
 SPACING = 0.15  # rad or m between neighbours
 MOST = 4_000  # nodes whose neighbours are looked at

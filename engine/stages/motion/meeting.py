@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs
-from engine.model.motion import FINEST_M
-from engine.ports import MotionGround
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.model.motion import FINEST_M
+from cellwright.engine.ports import MotionGround
 
 MOST = 200_000  # parts that are looked at for one pair of paths; beyond them nothing is proved
 AT_ONCE = 4_096  # of them in one look

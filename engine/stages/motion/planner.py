@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.kernels.geometry.edges import Edges, free_edges
-from engine.kernels.motion.connect import Trees, connect
-from engine.kernels.motion.shorten import Route, shorten
-from engine.model.geometry import Floats, Joints
-from engine.model.motion import Answer, Blocked, Moved, Query, Refused, Strategy
-from engine.ports import Hand, MotionGround
-from engine.stages.motion.proving import until_proved
-from engine.stages.motion.reasons import blocked, failed, refusals
-from engine.stages.motion.severing import severed
+from cellwright.engine.kernels.geometry.edges import Edges, free_edges
+from cellwright.engine.kernels.motion.connect import Trees, connect
+from cellwright.engine.kernels.motion.shorten import Route, shorten
+from cellwright.engine.model.geometry import Floats, Joints
+from cellwright.engine.model.motion import Answer, Blocked, Moved, Query, Refused, Strategy
+from cellwright.engine.ports import Hand, MotionGround
+from cellwright.engine.stages.motion.proving import until_proved
+from cellwright.engine.stages.motion.reasons import blocked, failed, refusals
+from cellwright.engine.stages.motion.severing import severed
 
 REACH = 1.0  # rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least work
 NODES = 20_000  # of each tree
@@ -91,9 +91,9 @@ def _by_strategy(
     ground: MotionGround, lines: Edges, query: Query, limits: tuple[Floats, Floats], hand: Hand | None
 ) -> Moved | Blocked:
     """What another planner than the default one finds; its path is checked whole before it counts."""
-    from engine.stages.motion.reduced import Failed, reduced
-    from engine.stages.motion.upright import upright
-    from engine.stages.motion.visibility import visibility
+    from cellwright.engine.stages.motion.reduced import Failed, reduced
+    from cellwright.engine.stages.motion.upright import upright
+    from cellwright.engine.stages.motion.visibility import visibility
 
     if query.strategy is Strategy.REDUCED:
         found, _ = reduced(ground, lines, query, *limits)

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.kernels.geometry.edges import free_edges
-from engine.kernels.geometry.proof import proved as proved_lines
-from engine.model.geometry import Floats, Truths
-from engine.model.motion import FINEST_M, Blocked, Moved, Query
-from engine.ports import MotionGround
-from engine.stages.motion.reasons import failed
+from cellwright.engine.kernels.geometry.edges import free_edges
+from cellwright.engine.kernels.geometry.proof import proved as proved_lines
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.motion import FINEST_M, Blocked, Moved, Query
+from cellwright.engine.ports import MotionGround
+from cellwright.engine.stages.motion.reasons import failed
 
 ROUNDS = 6  # plans, the last of which looks 32 times as often as the first
 WIDER_M = 0.001  # the margin that the second plan adds; each further one doubles it

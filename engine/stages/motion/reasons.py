@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from engine.kernels.linear import norm
-from engine.kernels.motion.connect import Trees
-from engine.model.geometry import Contact, Floats
-from engine.model.motion import Blocked, InCollision, OutsideLimits, Query, Reason
-from engine.ports import MotionGround
+from cellwright.engine.kernels.linear import norm
+from cellwright.engine.kernels.motion.connect import Trees
+from cellwright.engine.model.geometry import Contact, Floats
+from cellwright.engine.model.motion import Blocked, InCollision, OutsideLimits, Query, Reason
+from cellwright.engine.ports import MotionGround
 
 TOLERANCE = 1e-9  # rad or m beyond a limit that rounding explains
 LOOKS = 64  # places between the ends of the trees

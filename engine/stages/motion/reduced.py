@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.geometry.edges import Edges
-from engine.model.geometry import Floats
-from engine.model.motion import Query
-from engine.ports import MotionGround
-from engine.stages.motion.lattice import Lattice, nearest_free, way
+from cellwright.engine.kernels.geometry.edges import Edges
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Query
+from cellwright.engine.ports import MotionGround
+from cellwright.engine.stages.motion.lattice import Lattice, nearest_free, way
 
 WRIST = 3  # joints that are planned for by a box
 GOALS = 4  # goals that are tried, the nearest first

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.geometry.edges import Edges, free_edges
-from engine.kernels.motion.connect import Trees, connect
-from engine.kernels.motion.shorten import Route, shorten
-from engine.model.geometry import Floats
-from engine.model.motion import Moved, Query
-from engine.ports import MotionGround
-from engine.stages.motion.planner import NODES, REACH, bounds, shifted
-from engine.stages.motion.proving import WIDER_M, room_at_ends, with_proof
+from cellwright.engine.kernels.geometry.edges import Edges, free_edges
+from cellwright.engine.kernels.motion.connect import Trees, connect
+from cellwright.engine.kernels.motion.shorten import Route, shorten
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Moved, Query
+from cellwright.engine.ports import MotionGround
+from cellwright.engine.stages.motion.planner import NODES, REACH, bounds, shifted
+from cellwright.engine.stages.motion.proving import WIDER_M, room_at_ends, with_proof
 
 PULLS = (1.0, 0.5, 0.25, 0.1)  # how far a corner is pulled
 SWEEPS = 30  # over all corners, before trees grow anew

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.geometry.edges import free_edges
-from engine.kernels.geometry.proof import proved as proved_lines
-from engine.kernels.linear import norm
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.motion import FINEST_M, Moved, Query
-from engine.ports import MotionGround
-from engine.stages.motion.planner import plan
-from engine.stages.motion.trajectory import Limits, least_times
+from cellwright.engine.kernels.geometry.edges import free_edges
+from cellwright.engine.kernels.geometry.proof import proved as proved_lines
+from cellwright.engine.kernels.linear import norm
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.motion import FINEST_M, Moved, Query
+from cellwright.engine.ports import MotionGround
+from cellwright.engine.stages.motion.planner import plan
+from cellwright.engine.stages.motion.trajectory import Limits, least_times
 
 CORES = 2
 FAR = 1.5  # a route that takes so many times the least time is planned for by itself

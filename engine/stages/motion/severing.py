@@ -8,9 +8,9 @@ whole cell. If the other cells do not join the start with a goal, nothing does. 
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.motion import Query, Severed
-from engine.ports import MotionGround
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.motion import Query, Severed
+from cellwright.engine.ports import MotionGround
 
 CELLS = (2048, 192)  # along each joint: of one joint, of two
 ROUNDING = 1e-9  # m

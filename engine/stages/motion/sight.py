@@ -10,8 +10,8 @@ from itertools import product
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats, Truths
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats, Truths
 
 MOST = 400  # nodes that are looked at
 DEEP = 3  # boxes in sequence, for one node, that stand before its own nodes

@@ -13,12 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs, Truths
-from engine.ports import MotionGround
-from engine.stages.motion.proving import unproved
-from engine.stages.motion.touching import too_deep
-from engine.stages.motion.trajectory import STILL, Limits
-from engine.stages.motion.upright import Level
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.ports import MotionGround
+from cellwright.engine.stages.motion.proving import unproved
+from cellwright.engine.stages.motion.touching import too_deep
+from cellwright.engine.stages.motion.trajectory import STILL, Limits
+from cellwright.engine.stages.motion.upright import Level
 
 STRAY_M = 2e-4  # how far a point may be from the chords with which a smooth path is proved
 ROUNDS = 12  # proofs, each with more corners at which the arm waits

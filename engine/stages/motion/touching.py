@@ -11,11 +11,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.geometry.proof import proved
-from engine.model.geometry import Contact, Floats, Truths
-from engine.model.motion import FINEST_M
-from engine.ports import MotionGround
-from engine.stages.motion.proving import unproved
+from cellwright.engine.kernels.geometry.proof import proved
+from cellwright.engine.model.geometry import Contact, Floats, Truths
+from cellwright.engine.model.motion import FINEST_M
+from cellwright.engine.ports import MotionGround
+from cellwright.engine.stages.motion.proving import unproved
 
 FINEST = 1e-5  # the least share of a line that is looked at
 LOOKS = 4000  # configurations for one line

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats
+from cellwright.engine.model.geometry import Floats
 
 PHASES = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])  # signs of the jerk
 STILL = 1e-12  # rad or m: a line so short takes no time

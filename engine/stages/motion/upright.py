@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.geometry.angles import angles_of
-from engine.kernels.geometry.edges import Edges, free_edges
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats, Joints, Truths
-from engine.model.motion import Query
-from engine.ports import Hand, MotionGround
-from engine.stages.motion.reduced import Failed
+from cellwright.engine.kernels.geometry.angles import angles_of
+from cellwright.engine.kernels.geometry.edges import Edges, free_edges
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats, Joints, Truths
+from cellwright.engine.model.motion import Query
+from cellwright.engine.ports import Hand, MotionGround
+from cellwright.engine.stages.motion.reduced import Failed
 
 UP = np.array([0.0, 0.0, 1.0])
 PIECE = 0.9  # of the longest step that the tilt allows

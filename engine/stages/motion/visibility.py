@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.arrays import Bytes
-from engine.kernels.geometry.edges import Edges, free_edges
-from engine.model.geometry import Floats, Truths
-from engine.model.motion import Query
-from engine.ports import Hand, MotionGround
-from engine.stages.motion.reduced import Failed
-from engine.stages.motion.sight import Sights, lines_of_sight
+from cellwright.engine.kernels.arrays import Bytes
+from cellwright.engine.kernels.geometry.edges import Edges, free_edges
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.motion import Query
+from cellwright.engine.ports import Hand, MotionGround
+from cellwright.engine.stages.motion.reduced import Failed
+from cellwright.engine.stages.motion.sight import Sights, lines_of_sight
 
 ROOM_M = 0.1, 0.03  # what boxes grow by, for the hand: wide first, then narrow
 BACK_M = 0.6  # how far the hand backs off along its own axis to get out of grown boxes

@@ -4,16 +4,16 @@ It searches for a sequence of steps, makes the sequence cheaper, and then drops 
 not need.
 """
 
-from engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
-from engine.model.task import Task
-from engine.stages.planning.composites import NO_MACROS, Macros
-from engine.stages.planning.effort import Effort, OutOfRange, SearchResult
-from engine.stages.planning.improvement.anytime import best_plan
-from engine.stages.planning.improvement.deorder import is_internal
-from engine.stages.planning.limits import LITTLE, RESTARTS, ROOM, Limits
-from engine.stages.planning.portfolio import STRATEGIES
-from engine.stages.planning.setting import Setting
-from engine.stages.planning.variants import TooManyVariants
+from cellwright.engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
+from cellwright.engine.model.task import Task
+from cellwright.engine.stages.planning.composites import NO_MACROS, Macros
+from cellwright.engine.stages.planning.effort import Effort, OutOfRange, SearchResult
+from cellwright.engine.stages.planning.improvement.anytime import best_plan
+from cellwright.engine.stages.planning.improvement.deorder import is_internal
+from cellwright.engine.stages.planning.limits import LITTLE, RESTARTS, ROOM, Limits
+from cellwright.engine.stages.planning.portfolio import STRATEGIES
+from cellwright.engine.stages.planning.setting import Setting
+from cellwright.engine.stages.planning.variants import TooManyVariants
 
 __all__ = ["LITTLE", "NO_MACROS", "RACE", "RESTARTS", "ROOM", "STRATEGIES", "Limits", "Macros", "plan"]
 
@@ -26,7 +26,7 @@ def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> O
     Searches use instances of `macros` as operators, except in a race. The plan contains their steps.
     """
     if limits.strategy == RACE:
-        from engine.stages.planning.race import race
+        from cellwright.engine.stages.planning.race import race
 
         return race(task, limits, plan)
     effort = limits.searching()

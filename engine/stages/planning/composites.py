@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from engine.model.task import GroundOperator
-from kb.terms import Function, Term, Variable, match, variables
+from cellwright.engine.model.task import GroundOperator
+from cellwright.kb.terms import Function, Term, Variable, match, variables
 
 Pattern = tuple[Function, ...]
 """Steps in order of execution. Each is an operator with arguments; steps may share variables."""

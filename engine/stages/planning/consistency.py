@@ -8,12 +8,12 @@ if the goals are out of reach then though nothing is ever denied, there is no pl
 from collections.abc import Iterator
 from dataclasses import replace
 
-from engine.model.axioms import Axioms
-from engine.model.quantities import OPPOSITE, Comparing, Level
-from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.stages.planning.counters import counters_stay_short
-from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
-from kb.asp.questions import Questions
+from cellwright.engine.model.axioms import Axioms
+from cellwright.engine.model.quantities import OPPOSITE, Comparing, Level
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.engine.stages.planning.counters import counters_stay_short
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from cellwright.kb.asp.questions import Questions
 
 WIDEST = 2_000  # values of a quantity; what compares one with more values may be true and false
 HUGE = 1 << 30  # numbers of the solver have 32 bits
@@ -42,7 +42,7 @@ class Proof:
 
 
 def _out_of_reach(task: Task) -> bool:
-    from engine.stages.planning.forward.search import forward  # it loads compiled kernels
+    from cellwright.engine.stages.planning.forward.search import forward  # it loads compiled kernels
 
     return forward(task, 0).run(Effort(2)) is NO_PLAN
 

@@ -7,8 +7,8 @@ definitions allow: four tubes of two weights are spun in pairs, and of three tub
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
-from kb.asp.models import models
+from cellwright.engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
+from cellwright.kb.asp.models import models
 
 COUNTER = "_stage"
 MOST_SETS = 1_000  # sets of effects of one operator

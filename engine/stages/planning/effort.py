@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from engine.kernels.cancellation import Interrupted, never
-from engine.model.outcome import NO_OFFER, Offer
-from engine.model.task import GroundOperator
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.model.outcome import NO_OFFER, Offer
+from cellwright.engine.model.task import GroundOperator
 
 
 class OutOfRange(Exception):

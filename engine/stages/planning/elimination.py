@@ -7,8 +7,8 @@ short if the step is needed, and for a long plan all trials together cost little
 
 from collections.abc import Sequence
 
-from engine.model.replay import reached_goals
-from engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.engine.model.replay import reached_goals
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
 
 
 def eliminate(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:

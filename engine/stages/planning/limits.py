@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from engine.kernels.cancellation import Interrupted, never
-from engine.stages.planning.effort import Effort
-from kb.model.plan import Plan
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.stages.planning.effort import Effort
+from cellwright.kb.model.plan import Plan
 
 STATES = 500_000
 CHECKS = 40_000_000  # questions whether an operator can be done in a state

@@ -6,11 +6,11 @@ The turns are counted in expansions and have a fixed order, so that the same inp
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from engine.model.replay import early
-from engine.stages.planning.effort import Effort, SearchResult
-from engine.stages.planning.elimination import eliminate, reached
-from engine.stages.planning.setting import Setting
-from engine.stages.planning.variants import plainly
+from cellwright.engine.model.replay import early
+from cellwright.engine.stages.planning.effort import Effort, SearchResult
+from cellwright.engine.stages.planning.elimination import eliminate, reached
+from cellwright.engine.stages.planning.setting import Setting
+from cellwright.engine.stages.planning.variants import plainly
 
 CLIMB = 2_000  # nodes that hill climbing may generate before other searches start
 QUICK = 2_000  # nodes that best-first regression may generate before other searches start

@@ -11,11 +11,11 @@ from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
-from engine.model.task import Task
-from engine.stages.planning.limits import Limits
-from kb.model.plan import Plan
-from kb.stopping import Stopped
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome
+from cellwright.engine.model.task import Task
+from cellwright.engine.stages.planning.limits import Limits
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.stopping import Stopped
 
 RUNNERS = ("auto", "asp", "landmarks", "forward", "backward")
 PAUSE = 0.1  # seconds between two checks whether to stop

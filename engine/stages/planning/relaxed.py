@@ -7,9 +7,9 @@ their relaxed plans. It takes one OR per goal and one bit count.
 
 from collections.abc import Sequence
 
-from engine.model.task import Bits, GroundOperator, indices
-from engine.stages.planning.relaxed_plans import RelaxedPlans
-from engine.stages.planning.supporters import Supporters
+from cellwright.engine.model.task import Bits, GroundOperator, indices
+from cellwright.engine.stages.planning.relaxed_plans import RelaxedPlans
+from cellwright.engine.stages.planning.supporters import Supporters
 
 FAR = 1 << 60
 MAX_CHARGE = 8  # bits of the costliest operator in a relaxed plan

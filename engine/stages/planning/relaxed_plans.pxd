@@ -1,7 +1,7 @@
 # Types with which Cython compiles relaxed_plans.py. Its meaning is written there.
 import cython
 
-from engine.kernels.bits cimport indices
+from cellwright.engine.kernels.bits cimport indices
 
 cdef object UNKNOWN
 

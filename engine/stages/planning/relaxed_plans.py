@@ -7,7 +7,7 @@ Plain Python, compiled with the types in `relaxed_plans.pxd`.
 from collections.abc import Sequence
 from typing import Any
 
-from engine.kernels.bits import Bits, indices
+from cellwright.engine.kernels.bits import Bits, indices
 
 UNKNOWN: Any = object()
 

@@ -3,16 +3,16 @@
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
-from engine.model.task import Task
-from engine.stages.planning.composites import NO_MACROS, Macros
-from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
-from engine.stages.planning.regression.mutexes import mutexes
-from engine.stages.planning.regression.searches import BestFirst, Climb
-from engine.stages.planning.regression.space import Backward, Regression
-from engine.stages.planning.variants import FORWARD_ONLY, TooManyVariants, unconditional
+from cellwright.engine.model.task import Task
+from cellwright.engine.stages.planning.composites import NO_MACROS, Macros
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from cellwright.engine.stages.planning.regression.mutexes import mutexes
+from cellwright.engine.stages.planning.regression.searches import BestFirst, Climb
+from cellwright.engine.stages.planning.regression.space import Backward, Regression
+from cellwright.engine.stages.planning.variants import FORWARD_ONLY, TooManyVariants, unconditional
 
 if TYPE_CHECKING:
-    from engine.stages.planning.forward.search import Forward
+    from cellwright.engine.stages.planning.forward.search import Forward
 
 DETOUR = 2  # a plan that costs this many times its relaxed plan may be far from the best
 ROOM = 500_000  # steps times conditions and effects, up to which stable models are grounded
@@ -64,7 +64,7 @@ class Setting:
     @cached_property
     def forward(self) -> "Forward":
         """The forward search by relaxed plans."""
-        from engine.stages.planning.forward.search import (
+        from cellwright.engine.stages.planning.forward.search import (
             forward,  # imported here, so that compiled kernels are loaded only if needed
         )
 
@@ -73,28 +73,28 @@ class Setting:
     @cached_property
     def landmarks(self) -> "Forward":
         """The forward search by relaxed plans and landmarks."""
-        from engine.stages.planning.forward.search import forward
+        from cellwright.engine.stages.planning.forward.search import forward
 
         return forward(self.task, self.seed, landmarks=True, patterns=self.macros.forward)
 
     @cached_property
     def restarts(self) -> Search:
         """Short forward searches by chance, with and without landmarks in turn."""
-        from engine.stages.planning.forward.restarts import Restarts
+        from cellwright.engine.stages.planning.forward.restarts import Restarts
 
         return Restarts([lambda: self.forward, lambda: self.landmarks], self.seed)
 
     @cached_property
     def novelty(self) -> Search:
         """The forward search for what is new."""
-        from engine.stages.planning.forward.newest import Newest
+        from cellwright.engine.stages.planning.forward.newest import Newest
 
         return Newest(self.task, self.seed)
 
     @cached_property
     def proof(self) -> Search:
         """The proof that no state allows what the goals need."""
-        from engine.stages.planning.consistency import Proof
+        from cellwright.engine.stages.planning.consistency import Proof
 
         return Proof(self.task)
 
@@ -111,7 +111,7 @@ class Setting:
 
         Raises `TooManyVariants`.
         """
-        from engine.stages.planning.stable_models.horizons import Parallel
+        from cellwright.engine.stages.planning.stable_models.horizons import Parallel
 
         return Parallel(self.task, unconditional(self.task), single, room)
 

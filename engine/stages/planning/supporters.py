@@ -10,7 +10,7 @@ be compiled, with the types in `supporters.pxd`. A state is a row of bytes, in w
 from array import array
 from collections.abc import Sequence
 
-from engine.kernels.rows import rows
+from cellwright.engine.kernels.rows import rows
 
 UNREACHED = 1 << 50
 MOST = 1 << 38  # additive costs are cut off here, because they can double with every step

@@ -9,13 +9,13 @@ filtering by solving the training tasks: Botea et al. 2005).
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from engine.kernels.cancellation import Interrupted, never
-from engine.model.task import Task
-from engine.stages.planning.composites import Pattern
-from engine.stages.planning.effort import Effort, OutOfRange
-from engine.stages.planning.regression.searches import BestFirst
-from engine.stages.planning.regression.space import Backward
-from engine.stages.planning.setting import COMPOSITES, GREED, Setting
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.model.task import Task
+from cellwright.engine.stages.planning.composites import Pattern
+from cellwright.engine.stages.planning.effort import Effort, OutOfRange
+from cellwright.engine.stages.planning.regression.searches import BestFirst
+from cellwright.engine.stages.planning.regression.space import Backward
+from cellwright.engine.stages.planning.setting import COMPOSITES, GREED, Setting
 
 SEEDS = (0, 1, 2, 3, 4)  # one run for each seed, where a search breaks ties by chance
 MOST = 20_000  # a task that takes more nodes is not used for training
@@ -92,7 +92,7 @@ def _backward(setting: Setting, interrupted: Interrupted) -> Work:
 
 def _forward(task: Task, interrupted: Interrupted) -> Work:
     """The work of lazy greedy search, summed over all `SEEDS`."""
-    from engine.stages.planning.forward.search import forward
+    from cellwright.engine.stages.planning.forward.search import forward
 
     def work(patterns: Sequence[Pattern], most: int) -> int:
         total = 0

@@ -9,8 +9,8 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from engine.model.task import Bits, GroundOperator, Task, indices
-from kb.terms import Function
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.kb.terms import Function
 
 MAX_EFFECTS = 8  # conditional effects of one operator
 MAX_VARIANTS = 100_000  # plain operators of a task

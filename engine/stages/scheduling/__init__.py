@@ -6,15 +6,15 @@ It proves, if it can, that no schedule is shorter.
 import time
 from dataclasses import replace
 
-from engine.model.outcome import GaveUp, Infeasible, Statistics
-from engine.model.schedule import Schedule, Scheduled, Timing
-from engine.model.shop import Shop
-from engine.stages.scheduling.batches import batch_bound
-from engine.stages.scheduling.bounds import lower_bound
-from engine.stages.scheduling.checker import check_schedule
-from engine.stages.scheduling.construct import construct
-from engine.stages.scheduling.lags import CircularLags, Lags
-from engine.stages.scheduling.limits import ScheduleLimits
+from cellwright.engine.model.outcome import GaveUp, Infeasible, Statistics
+from cellwright.engine.model.schedule import Schedule, Scheduled, Timing
+from cellwright.engine.model.shop import Shop
+from cellwright.engine.stages.scheduling.batches import batch_bound
+from cellwright.engine.stages.scheduling.bounds import lower_bound
+from cellwright.engine.stages.scheduling.checker import check_schedule
+from cellwright.engine.stages.scheduling.construct import construct
+from cellwright.engine.stages.scheduling.lags import CircularLags, Lags
+from cellwright.engine.stages.scheduling.limits import ScheduleLimits
 
 __all__ = ["ScheduleLimits", "check_schedule", "schedule"]
 
@@ -55,7 +55,7 @@ def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
 def _improved(
     lags: Lags, bound: int, first: Schedule | None, limits: ScheduleLimits
 ) -> Schedule | Infeasible | None:
-    from engine.stages.scheduling.solver import improve  # the solver takes a while to load
+    from cellwright.engine.stages.scheduling.solver import improve  # the solver takes a while to load
 
     return improve(lags, bound, horizon(lags.shop, first), first, limits)
 

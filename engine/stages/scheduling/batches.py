@@ -8,9 +8,9 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.model.shop import Hold, Need, Shop, Stage
-from engine.stages.scheduling.bounds import least_travel, occupations
-from engine.stages.scheduling.lags import Lags, first_needs, last_needs
+from cellwright.engine.model.shop import Hold, Need, Shop, Stage
+from cellwright.engine.stages.scheduling.bounds import least_travel, occupations
+from cellwright.engine.stages.scheduling.lags import Lags, first_needs, last_needs
 
 
 @dataclass(frozen=True, slots=True)

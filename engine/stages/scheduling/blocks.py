@@ -11,10 +11,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from engine.model.stages import STAGE
-from engine.model.task import Bits, GroundOperator, Task, bitset, progress
-from kb.model.plan import Step
-from kb.terms import Function, Term
+from cellwright.engine.model.stages import STAGE
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, progress
+from cellwright.kb.model.plan import Step
+from cellwright.kb.terms import Function, Term
 
 
 class Unstructured(Exception):

@@ -10,8 +10,8 @@ import heapq
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.model.shop import Hold, Moment, Resource, Shop, Stage
-from engine.stages.scheduling.lags import NEVER, Lags
+from cellwright.engine.model.shop import Hold, Moment, Resource, Shop, Stage
+from cellwright.engine.stages.scheduling.lags import NEVER, Lags
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ import heapq
 import itertools
 from collections.abc import Iterator, Sequence
 
-from engine.model.schedule import Adjustment, Schedule
-from engine.model.shop import Device, Hold, Moment, Resource, Shop
+from cellwright.engine.model.schedule import Adjustment, Schedule
+from cellwright.engine.model.shop import Device, Hold, Moment, Resource, Shop
 
 Interval = tuple[int, int, str]  # from, to, name
 Work = tuple[int, int, str, str, str]  # from, to, name, origin, destination

@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
 
-from engine.kernels.cancellation import Interrupted, never
-from engine.model.schedule import Adjustment, Schedule
-from engine.model.shop import Changeover, Need, Stage
-from engine.stages.scheduling.estimates import Estimates
-from engine.stages.scheduling.lags import Lags, first_needs
-from engine.stages.scheduling.partial import DeviceStanding, Partial
-from engine.stages.scheduling.symmetry import alike
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.model.schedule import Adjustment, Schedule
+from cellwright.engine.model.shop import Changeover, Need, Stage
+from cellwright.engine.stages.scheduling.estimates import Estimates
+from cellwright.engine.stages.scheduling.lags import Lags, first_needs
+from cellwright.engine.stages.scheduling.partial import DeviceStanding, Partial
+from cellwright.engine.stages.scheduling.symmetry import alike
 
 WIDTHS = (1, 6, 30, 150)  # of the beam; tried in this order until the lower bound is reached
 MOST = 8_000  # about how many partial schedules one beam may make

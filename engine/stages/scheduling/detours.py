@@ -6,8 +6,8 @@ blocks, so it need not park the object. The two blocks become one, without the s
 
 from collections.abc import Sequence
 
-from engine.model.task import Bits, Task, indices, progress
-from engine.stages.scheduling.blocks import Block
+from cellwright.engine.model.task import Bits, Task, indices, progress
+from cellwright.engine.stages.scheduling.blocks import Block
 
 
 def straightened(blocks: Sequence[Block], loose: Bits) -> list[Block]:

@@ -10,9 +10,9 @@ from itertools import pairwise
 
 from ortools.sat.python.cp_model import IntVar
 
-from engine.model.shop import Changeover, Device, Need
-from engine.stages.scheduling.batches import batches
-from engine.stages.scheduling.model import Model, Work
+from cellwright.engine.model.shop import Changeover, Device, Need
+from cellwright.engine.stages.scheduling.batches import batches
+from cellwright.engine.stages.scheduling.model import Model, Work
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from engine.model.shop import Stage
-from engine.stages.scheduling.batches import Batches, batches
-from engine.stages.scheduling.bounds import Occupation, least_travel, occupations
-from engine.stages.scheduling.lags import Lags
-from engine.stages.scheduling.partial import Partial
+from cellwright.engine.model.shop import Stage
+from cellwright.engine.stages.scheduling.batches import Batches, batches
+from cellwright.engine.stages.scheduling.bounds import Occupation, least_travel, occupations
+from cellwright.engine.stages.scheduling.lags import Lags
+from cellwright.engine.stages.scheduling.partial import Partial
 
 
 class Estimates:

@@ -9,10 +9,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from engine.model.task import Bits, GroundOperator, Task, bitset, indices, progress
-from engine.stages.scheduling.blocks import Block, arms_of, arms_to, cut
-from engine.stages.scheduling.places import exchanged
-from kb.terms import Function, Term
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, indices, progress
+from cellwright.engine.stages.scheduling.blocks import Block, arms_of, arms_to, cut
+from cellwright.engine.stages.scheduling.places import exchanged
+from cellwright.kb.terms import Function, Term
 
 Chosen = Callable[[int, int, int], int]  # from the number of a job, of a block in it, and of arms: which arm
 WAYS: tuple[Chosen, ...] = (

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.shop import Changeover, Need, Shop, Stage, Window
-from engine.stages.scheduling.travel import Table, shortest
+from cellwright.engine.model.shop import Changeover, Need, Shop, Stage, Window
+from cellwright.engine.stages.scheduling.travel import Table, shortest
 
 NEVER = -(10**12)  # the lag between two stages that are not ordered
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.kernels.cancellation import Interrupted, never
 
 
 @dataclass(frozen=True, slots=True)

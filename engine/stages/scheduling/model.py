@@ -14,11 +14,11 @@ from ortools.sat.python.cp_model import (
     LiteralT,
 )
 
-from engine.model.shop import Moment, Resource, Shop
-from engine.stages.scheduling.bounds import widened
-from engine.stages.scheduling.lags import Lags
-from engine.stages.scheduling.symmetry import alike
-from engine.stages.scheduling.travel import has_shortcuts
+from cellwright.engine.model.shop import Moment, Resource, Shop
+from cellwright.engine.stages.scheduling.bounds import widened
+from cellwright.engine.stages.scheduling.lags import Lags
+from cellwright.engine.stages.scheduling.symmetry import alike
+from cellwright.engine.stages.scheduling.travel import has_shortcuts
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from functools import cached_property
 
 from ortools.sat.python.cp_model import CpModel, IntervalVar, IntVar, LiteralT
 
-from engine.model.task import Bits, GroundOperator, indices
-from kb.terms import Term
+from cellwright.engine.model.task import Bits, GroundOperator, indices
+from cellwright.kb.terms import Term
 
 START = -1
 SUPPORTS = 400_000  # pairs of a possible producer and what may come between, of one model

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from engine.model.schedule import Adjustment
-from engine.model.shop import Shop
+from cellwright.engine.model.schedule import Adjustment
+from cellwright.engine.model.shop import Shop
 
 
 @dataclass(frozen=True, slots=True)

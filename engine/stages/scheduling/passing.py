@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from ortools.sat.python import cp_model
 from ortools.sat.python.cp_model import CpModel
 
-from engine.model.outcome import Infeasible
-from engine.model.passing import Meetings, Pair, Passed
-from engine.stages.scheduling.limits import ScheduleLimits
-from engine.stages.scheduling.solver import run
-from kb.model.plan import StepId
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.passing import Meetings, Pair, Passed
+from cellwright.engine.stages.scheduling.limits import ScheduleLimits
+from cellwright.engine.stages.scheduling.solver import run
+from cellwright.kb.model.plan import StepId
 
 BLOCKED = "whichever arm goes first, one rests in the way of another"
 ROUNDS = 400

@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.shop import Hold, Moment
-from engine.model.task import Bits, GroundOperator, Task, bitset, indices
-from engine.stages.scheduling.blocks import mentions
-from kb.terms import Function, Term
+from cellwright.engine.model.shop import Hold, Moment
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, indices
+from cellwright.engine.stages.scheduling.blocks import mentions
+from cellwright.kb.terms import Function, Term
 
 
 @dataclass(frozen=True, slots=True)

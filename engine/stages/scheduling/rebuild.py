@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.model.schedule import Schedule
-from engine.model.shop import Hold, Moment
-from engine.model.stages import STAGE
-from engine.model.task import Bits, GroundOperator, Task, bitset, progress
-from engine.stages.scheduling.work import CellWork, PlaceVisit
-from kb.terms import Function, Term, exchanged
+from cellwright.engine.model.schedule import Schedule
+from cellwright.engine.model.shop import Hold, Moment
+from cellwright.engine.model.stages import STAGE
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, progress
+from cellwright.engine.stages.scheduling.work import CellWork, PlaceVisit
+from cellwright.kb.terms import Function, Term, exchanged
 
 
 class Mislaid(Exception):

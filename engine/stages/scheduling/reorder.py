@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from ortools.sat.python import cp_model
 
-from engine.model.outcome import Infeasible
-from engine.stages.scheduling.limits import ScheduleLimits
-from engine.stages.scheduling.orders import Ordering, OrderModel
-from engine.stages.scheduling.solver import run
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.stages.scheduling.limits import ScheduleLimits
+from cellwright.engine.stages.scheduling.orders import Ordering, OrderModel
+from cellwright.engine.stages.scheduling.solver import run
 
 
 @dataclass(frozen=True, slots=True)

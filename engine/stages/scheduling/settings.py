@@ -8,10 +8,10 @@ import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.model.shop import Changeover, Device, Need
-from engine.model.task import Bits, GroundOperator, Task, progress
-from engine.stages.scheduling.blocks import Block, Unstructured, atoms_about, touched
-from kb.terms import Term
+from cellwright.engine.model.shop import Changeover, Device, Need
+from cellwright.engine.model.task import Bits, GroundOperator, Task, progress
+from cellwright.engine.stages.scheduling.blocks import Block, Unstructured, atoms_about, touched
+from cellwright.kb.terms import Term
 
 MAX_STATES = 500  # that one device may have
 FOUND = "as found"

@@ -5,13 +5,13 @@ from collections.abc import Mapping
 
 from ortools.sat.python import cp_model
 
-from engine.model.outcome import Infeasible
-from engine.model.schedule import Adjustment, Schedule
-from engine.model.shop import Shop
-from engine.stages.scheduling.devices import Period, Periods, add_devices
-from engine.stages.scheduling.lags import Lags
-from engine.stages.scheduling.limits import ScheduleLimits
-from engine.stages.scheduling.model import Model
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.schedule import Adjustment, Schedule
+from cellwright.engine.model.shop import Shop
+from cellwright.engine.stages.scheduling.devices import Period, Periods, add_devices
+from cellwright.engine.stages.scheduling.lags import Lags
+from cellwright.engine.stages.scheduling.limits import ScheduleLimits
+from cellwright.engine.stages.scheduling.model import Model
 
 POLL = 0.02  # seconds between two checks whether to stop
 

@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Hashable
 
-from engine.model.shop import Job, Moment, Shop
+from cellwright.engine.model.shop import Job, Moment, Shop
 
 
 def alike(shop: Shop) -> tuple[tuple[Job, ...], ...]:

@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Iterator, Mapping
 
-from engine.model.shop import Resource, Shop
+from cellwright.engine.model.shop import Resource, Shop
 
 Table = Mapping[tuple[str, str], int]
 

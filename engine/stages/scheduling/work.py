@@ -11,13 +11,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.model.shop import Hold, Job, Resource, Shop, Stage, Window, in_order
-from engine.model.task import Bits, GroundOperator, Task, bitset, indices
-from engine.stages.scheduling.blocks import Block, arms_of, atoms_about, cut, mentions
-from engine.stages.scheduling.detours import necessary, straightened
-from engine.stages.scheduling.places import Exchange, Touch, holds_of
-from engine.stages.scheduling.settings import Mechanism, mechanisms
-from kb.terms import Function, Term, natural_key
+from cellwright.engine.model.shop import Hold, Job, Resource, Shop, Stage, Window, in_order
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, indices
+from cellwright.engine.stages.scheduling.blocks import Block, arms_of, atoms_about, cut, mentions
+from cellwright.engine.stages.scheduling.detours import necessary, straightened
+from cellwright.engine.stages.scheduling.places import Exchange, Touch, holds_of
+from cellwright.engine.stages.scheduling.settings import Mechanism, mechanisms
+from cellwright.kb.terms import Function, Term, natural_key
 
 REST = "other work"  # the job of the blocks that serve no object
 

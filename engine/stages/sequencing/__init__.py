@@ -4,7 +4,7 @@ The methods are the chain of 1987 as a baseline, annealed exchanges with the bou
 CP-SAT for proofs and side conditions. What a visit is and where the costs come from is decided elsewhere.
 """
 
-from engine.stages.sequencing.limits import Limits
-from engine.stages.sequencing.sequence import METHODS, sequence
+from cellwright.engine.stages.sequencing.limits import Limits
+from cellwright.engine.stages.sequencing.sequence import METHODS, sequence
 
 __all__ = ["METHODS", "Limits", "sequence"]

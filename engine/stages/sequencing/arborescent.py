@@ -8,12 +8,12 @@ joined by an edge that every tour has.
 
 import numpy as np
 
-from engine.kernels.arrays import Longs, Truths
-from engine.kernels.cancellation import Interrupted, never
-from engine.model.tour import TourProblem, cost_of, violations
-from engine.stages.sequencing import symmetric
-from engine.stages.sequencing.costs import of_matrix
-from engine.stages.sequencing.limits import Limits
+from cellwright.engine.kernels.arrays import Longs, Truths
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.model.tour import TourProblem, cost_of, violations
+from cellwright.engine.stages.sequencing import symmetric
+from cellwright.engine.stages.sequencing.costs import of_matrix
+from cellwright.engine.stages.sequencing.limits import Limits
 
 LATEST = 2**60
 ROUNDS = 3  # in which times and precedence sharpen each other

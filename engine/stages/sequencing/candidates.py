@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Ints, Longs
-from engine.kernels.cancellation import Interrupted, never
-from engine.stages.sequencing.costs import Costs
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.stages.sequencing.costs import Costs
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

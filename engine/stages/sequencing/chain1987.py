@@ -6,7 +6,7 @@ It is a baseline, and a quick answer.
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.stages.sequencing.symmetric import Matrix, Order
+from cellwright.engine.stages.sequencing.symmetric import Matrix, Order
 
 WINDOW = 6
 
@@ -16,7 +16,7 @@ def chain(cost: Matrix, positions: NDArray[np.floating] | None = None) -> Order:
 
     It grows from the convex hull of `positions` (n, 2), or without them from the dearest edge.
     """
-    from engine.stages.sequencing.kernels.chain import exchange_edges, insert_all, peephole
+    from cellwright.engine.stages.sequencing.kernels.chain import exchange_edges, insert_all, peephole
 
     tour: Order = insert_all(_ring(cost, positions), cost)
     exchange_edges(tour, cost)

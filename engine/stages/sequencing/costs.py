@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Ints, Longs
-from engine.model.metric import Metric
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs
+from cellwright.engine.model.metric import Metric
 
 if TYPE_CHECKING:
-    from engine.stages.sequencing.kernels.distances import Distances
+    from cellwright.engine.stages.sequencing.kernels.distances import Distances
 
 NO_GROUPS, NO_EXTRA, NO_ENDS = np.zeros(0, np.int32), np.zeros((1, 1), np.int64), np.zeros(0, np.int64)
 NARROWEST = 2**28  # sums of four smaller costs fit in 32 bits
@@ -77,7 +77,7 @@ class Costs:
 
     def kernel(self) -> "Distances":
         """The same for compiled loops."""
-        from engine.stages.sequencing.kernels.distances import Distances
+        from cellwright.engine.stages.sequencing.kernels.distances import Distances
 
         if self.matrix is not None:
             return Distances(self.matrix)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Ints
+from cellwright.engine.kernels.arrays import Floats, Ints
 
 BITS = 16
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from ortools.sat.python import cp_model
 
-from engine.kernels.arrays import Longs, Truths
-from engine.model.tour import TourProblem
-from engine.stages.sequencing.limits import Limits
+from cellwright.engine.kernels.arrays import Longs, Truths
+from cellwright.engine.model.tour import TourProblem
+from cellwright.engine.stages.sequencing.limits import Limits
 
 Arcs = dict[tuple[int, int], cp_model.IntVar]
 PERIOD = 0.05  # seconds between two checks whether to stop

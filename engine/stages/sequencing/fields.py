@@ -6,8 +6,8 @@ visit takes the pose that is nearest to its parent's pose. In a field, only the 
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Ints, Longs
-from engine.stages.sequencing.symmetric import Matrix
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs
+from cellwright.engine.stages.sequencing.symmetric import Matrix
 
 MOST = 256  # at most this many poses of the first visit are tried
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Ints, Longs
-from engine.kernels.cancellation import Interrupted, never
-from engine.stages.sequencing.costs import TABLED, Costs
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.stages.sequencing.costs import TABLED, Costs
 
 if TYPE_CHECKING:
-    from engine.stages.sequencing.kernels.graphs import Graph
+    from cellwright.engine.stages.sequencing.kernels.graphs import Graph
 
 GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
 # Rounds of the ascent: how many steps as a share of those that suit the cities, and the share of what is lacking that a step
@@ -120,7 +120,7 @@ def _edges(costs: Costs, codes: Longs) -> _Edges:
     single = np.unique(codes)
     single = single[single // n != single % n]
     a, b = (single // n).astype(np.int32), (single % n).astype(np.int32)
-    from engine.stages.sequencing.kernels.graphs import Graph
+    from cellwright.engine.stages.sequencing.kernels.graphs import Graph
 
     cost: Floats = costs.between(a, b).astype(float)
     return _Edges(a, b, cost, Graph(a, b, cost, n))
@@ -230,7 +230,7 @@ def _of_all(costs: Costs, penalty: Floats, edges: _Edges) -> tuple[float, Longs]
     n = len(costs)
     if n > DENSE and costs.metric is not None:
         return _at_least(costs, penalty, edges), np.zeros(0, np.int64)
-    from engine.stages.sequencing.kernels.trees import full_tree
+    from cellwright.engine.stages.sequencing.kernels.trees import full_tree
 
     parent = np.zeros(n, np.int32)
     value = full_tree(costs.kernel(), penalty, parent) - 2 * float(penalty.sum())

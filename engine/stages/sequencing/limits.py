@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.kernels.cancellation import Interrupted, never
 
 
 def untold(_cost: int) -> None:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.kernels.arrays import Ints, Longs, Truths
-from engine.kernels.cancellation import Interrupted, never
-from engine.stages.sequencing.costs import Costs
+from cellwright.engine.kernels.arrays import Ints, Longs, Truths
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.stages.sequencing.costs import Costs
 
 SLICE = 2000  # kicks, or cities that are looked at, between two questions whether to stop
 LEAST = 8  # with fewer cities left there is nothing to search
@@ -21,7 +21,7 @@ KICKS = 40  # for each city that is left
 
 def merged(costs: Costs, tours: Sequence[Ints], seed: int, interrupted: Interrupted = never) -> Ints:
     """A tour (n,) that costs no more than the first of `tours`, which are permutations of the same n cities."""
-    from engine.stages.sequencing.kernels.kicks import Kicker
+    from cellwright.engine.stages.sequencing.kernels.kicks import Kicker
 
     base = _turned(tours[0], costs)
     codes = [_codes(tour) for tour in (base, *tours[1:])]

@@ -5,12 +5,12 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from engine.kernels.arrays import Longs
-from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import Tour, TourProblem, cost_of, violations
-from engine.stages.sequencing.arborescent import lower_bound, searched
-from engine.stages.sequencing.candidates import nearest
-from engine.stages.sequencing.limits import Limits
+from cellwright.engine.kernels.arrays import Longs
+from cellwright.engine.model.outcome import GaveUp, Infeasible
+from cellwright.engine.model.tour import Tour, TourProblem, cost_of, violations
+from cellwright.engine.stages.sequencing.arborescent import lower_bound, searched
+from cellwright.engine.stages.sequencing.candidates import nearest
+from cellwright.engine.stages.sequencing.limits import Limits
 
 PROVABLE = 40  # a proof is tried up to this number of visits
 FEW, DOUBLED = 9, 2500  # between these numbers of visits, directed costs become costs of twice as many cities
@@ -60,7 +60,7 @@ def solve_directed(problem: TourProblem, limits: Limits, exact: bool = False) ->
     kept: tuple[int, ...] | None = None if violations(problem, order) else order
     lower = 0 if kept is None else lower_bound(problem, cost_of(problem, kept), limits.interrupted)
     if (exact or len(problem.visits) <= PROVABLE) and limits.proof and not limits.interrupted():
-        from engine.stages.sequencing.exact import solve_ordered
+        from cellwright.engine.stages.sequencing.exact import solve_ordered
 
         solved = solve_ordered(problem, kept, limits)
         if solved.infeasible:
@@ -82,7 +82,7 @@ def _annealed(problem: TourProblem, limits: Limits) -> tuple[tuple[int, ...], in
     Broken windows and precedence are fined. The fines are light at first, so that the search can pass through
     such orders, and grow later.
     """
-    from engine.stages.sequencing.kernels.directed import anneal, price
+    from cellwright.engine.stages.sequencing.kernels.directed import anneal, price
 
     n, arcs = len(problem.visits), problem.arcs
     low, high = int(problem.start is not None), n - int(problem.end is not None)

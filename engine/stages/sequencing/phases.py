@@ -10,14 +10,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.arrays import Longs
-from engine.model.metric import Metric
-from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import Tour, TourProblem, cost_of, violations
-from engine.stages.sequencing.arborescent import lower_bound
-from engine.stages.sequencing.curve import along_hilbert
-from engine.stages.sequencing.limits import Limits
-from engine.stages.sequencing.symmetric import default_work
+from cellwright.engine.kernels.arrays import Longs
+from cellwright.engine.model.metric import Metric
+from cellwright.engine.model.outcome import GaveUp, Infeasible
+from cellwright.engine.model.tour import Tour, TourProblem, cost_of, violations
+from cellwright.engine.stages.sequencing.arborescent import lower_bound
+from cellwright.engine.stages.sequencing.curve import along_hilbert
+from cellwright.engine.stages.sequencing.limits import Limits
+from cellwright.engine.stages.sequencing.symmetric import default_work
 
 Answer = Tour | Infeasible | GaveUp
 Solve = Callable[[TourProblem, Limits, str], Answer]

@@ -10,15 +10,15 @@ from typing import cast
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Ints, Longs
-from engine.model.tour import PoseProblem, Tour
-from engine.stages.sequencing.candidates import nearest
-from engine.stages.sequencing.costs import of_matrix
-from engine.stages.sequencing.fields import fields, times
-from engine.stages.sequencing.limits import Limits
-from engine.stages.sequencing.sequence import nearest_first
-from engine.stages.sequencing.symmetric import Matrix
-from engine.stages.sequencing.symmetric import search as search_order
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs
+from cellwright.engine.model.tour import PoseProblem, Tour
+from cellwright.engine.stages.sequencing.candidates import nearest
+from cellwright.engine.stages.sequencing.costs import of_matrix
+from cellwright.engine.stages.sequencing.fields import fields, times
+from cellwright.engine.stages.sequencing.limits import Limits
+from cellwright.engine.stages.sequencing.sequence import nearest_first
+from cellwright.engine.stages.sequencing.symmetric import Matrix
+from cellwright.engine.stages.sequencing.symmetric import search as search_order
 
 MICROSECONDS = 1e6
 SLICE = 200
@@ -61,7 +61,7 @@ def poses_for(problem: PoseProblem, order: tuple[int, ...]) -> Tour:
 
 
 def _first(problem: PoseProblem) -> PoseRing:
-    from engine.stages.sequencing.kernels.chain import exchange_edges
+    from cellwright.engine.stages.sequencing.kernels.chain import exchange_edges
 
     table, offset = _table(problem)
     lines = cast(Matrix, _straight(problem))
@@ -87,7 +87,7 @@ def _of_fields(problem: PoseProblem, limits: Limits) -> list[PoseRing]:
 
 
 def _together(problem: PoseProblem, ring: PoseRing, limits: Limits) -> tuple[PoseRing, int]:
-    from engine.stages.sequencing.kernels.poses import search
+    from cellwright.engine.stages.sequencing.kernels.poses import search
 
     n = len(problem.visits)
     table, offset = _table(problem)
@@ -107,7 +107,7 @@ def _together(problem: PoseProblem, ring: PoseRing, limits: Limits) -> tuple[Pos
 
 def _chosen(order: Ints, table: Floats, offset: Ints, problem: PoseProblem) -> PoseRing:
     """The best poses for an order. The tour is cut at the visit with the fewest poses, which saves time."""
-    from engine.stages.sequencing.kernels.poses import best_poses
+    from cellwright.engine.stages.sequencing.kernels.poses import best_poses
 
     fewest = int(np.argmin([len(problem.poses[visit]) for visit in order]))
     turned, rows = np.roll(order, -fewest), np.zeros(len(order), np.int32)

@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Ints, Longs
-from engine.model.metric import Metric
-from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import Tour, TourProblem, cost_of, violations
-from engine.stages.sequencing import heldkarp, phases, symmetric, windows
-from engine.stages.sequencing.chain1987 import chain
-from engine.stages.sequencing.costs import Costs, of_matrix
-from engine.stages.sequencing.curve import along_hilbert
-from engine.stages.sequencing.limits import Limits
-from engine.stages.sequencing.ordered import best_first_order, solve_directed
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs
+from cellwright.engine.model.metric import Metric
+from cellwright.engine.model.outcome import GaveUp, Infeasible
+from cellwright.engine.model.tour import Tour, TourProblem, cost_of, violations
+from cellwright.engine.stages.sequencing import heldkarp, phases, symmetric, windows
+from cellwright.engine.stages.sequencing.chain1987 import chain
+from cellwright.engine.stages.sequencing.costs import Costs, of_matrix
+from cellwright.engine.stages.sequencing.curve import along_hilbert
+from cellwright.engine.stages.sequencing.limits import Limits
+from cellwright.engine.stages.sequencing.ordered import best_first_order, solve_directed
 
 METHODS = ("auto", "chain1987", "exact")
 FEW = 20  # so few cities have no clusters
@@ -256,7 +256,7 @@ def _lower(
 
 def _bounded(problem: TourProblem, made: Tour, costs: Costs, extra: int, limits: Limits) -> Tour:
     """The tour with a lower bound by a matrix. If a proof seems possible, it is proved or replaced by a better tour."""
-    from engine.stages.sequencing.kernels.bounds import excess
+    from cellwright.engine.stages.sequencing.kernels.bounds import excess
 
     upper, matrix = made.cost - extra, _matrix(costs)
     provable = len(problem.visits) <= PROVABLE or made.method == "exact"
@@ -265,7 +265,7 @@ def _bounded(problem: TourProblem, made: Tour, costs: Costs, extra: int, limits:
     made = replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
     if made.proved or not provable or made.method == "chain1987" or limits.interrupted() or not limits.proof:
         return made
-    from engine.stages.sequencing.exact import solve_circuit
+    from cellwright.engine.stages.sequencing.exact import solve_circuit
 
     allowed = lower + excess(matrix, penalties) <= upper + 1
     allowed[rolled, np.roll(rolled, -1)] = True

@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.arrays import Longs
-from engine.model.metric import Metric
-from engine.model.tour import TourProblem
+from cellwright.engine.kernels.arrays import Longs
+from cellwright.engine.model.metric import Metric
+from cellwright.engine.model.tour import TourProblem
 
 MUCH = 1 << 50  # what costs as much cannot be done
 

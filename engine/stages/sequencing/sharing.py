@@ -12,12 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.arrays import Longs
-from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import SharedProblem, Shares, Tour, TourProblem, busy_with
-from engine.stages.sequencing.limits import Limits
-from engine.stages.sequencing.sequence import sequence
-from engine.stages.sequencing.shares import MUCH, Paths, Ways, part
+from cellwright.engine.kernels.arrays import Longs
+from cellwright.engine.model.outcome import GaveUp, Infeasible
+from cellwright.engine.model.tour import SharedProblem, Shares, Tour, TourProblem, busy_with
+from cellwright.engine.stages.sequencing.limits import Limits
+from cellwright.engine.stages.sequencing.sequence import sequence
+from cellwright.engine.stages.sequencing.shares import MUCH, Paths, Ways, part
 
 EXACT = 11  # visits of which all ways to share them are compared
 ROUNDS = 40  # times that tours are put in order again

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Ints
-from engine.kernels.cancellation import Interrupted, never
-from engine.stages.sequencing.candidates import nearest, quadrant
-from engine.stages.sequencing.costs import Costs
-from engine.stages.sequencing.limits import Limits
-from engine.stages.sequencing.merging import merged
+from cellwright.engine.kernels.arrays import Floats, Ints
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.stages.sequencing.candidates import nearest, quadrant
+from cellwright.engine.stages.sequencing.costs import Costs
+from cellwright.engine.stages.sequencing.limits import Limits
+from cellwright.engine.stages.sequencing.merging import merged
 
 if TYPE_CHECKING:
-    from engine.stages.sequencing.kernels.kicks import Kicker
+    from cellwright.engine.stages.sequencing.kernels.kicks import Kicker
 
 Matrix = NDArray[Any]  # whole numbers of 32 or 64 bits
 Order = Ints
@@ -130,7 +130,7 @@ class _Search:
             self.best, self.cost = tour, cost
 
     def _kicker(self, tour: Ints) -> "Kicker":
-        from engine.stages.sequencing.kernels.kicks import Kicker
+        from cellwright.engine.stages.sequencing.kernels.kicks import Kicker
 
         seed = self.limits.seed + 1_000_003 * self.rounds
         return Kicker(tour, self.distances, self.near, self.toll, self.mates, seed)
@@ -152,7 +152,7 @@ def bound(
 
     If `steps` is 0, their number suits n. The ascent begins at some `penalties` (n,) if they are given.
     """
-    from engine.stages.sequencing.kernels.bounds import ascend
+    from cellwright.engine.stages.sequencing.kernels.bounds import ascend
 
     steps = steps or max(60, min(STEPS, 400_000 // len(cost)))
     start = np.zeros(len(cost)) if penalties is None else penalties.copy()

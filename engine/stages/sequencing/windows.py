@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from engine.kernels.arrays import Longs
-from engine.model.tour import TourProblem
+from cellwright.engine.kernels.arrays import Longs
+from cellwright.engine.model.tour import TourProblem
 
 MOST = 400  # visits; of more, shortest ways by way of other visits take too long
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator, Mapping
 
-from engine.model.task_space import Cluster, Edge
-from engine.stages.states.clusters import Named
-from engine.stages.states.firing import Player, Situation
-from engine.stages.states.outlines import Outliner, counted, needed
-from engine.stages.states.places import normal
-from kb.model.octuples import Octuple, Quadruple, variable
+from cellwright.engine.model.task_space import Cluster, Edge
+from cellwright.engine.stages.states.clusters import Named
+from cellwright.engine.stages.states.firing import Player, Situation
+from cellwright.engine.stages.states.outlines import Outliner, counted, needed
+from cellwright.engine.stages.states.places import normal
+from cellwright.kb.model.octuples import Octuple, Quadruple, variable
 
 Bindings = Mapping[str, str]
 Points = dict[tuple[str, str], tuple[str, str]]

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from math import factorial, prod
 
-from engine.model.task_space import Cluster, Edge, Form, TokenType
-from engine.stages.states.canonical import Key, canonical
-from kb.model.octuples import Octuple, Quadruple
+from cellwright.engine.model.task_space import Cluster, Edge, Form, TokenType
+from cellwright.engine.stages.states.canonical import Key, canonical
+from cellwright.kb.model.octuples import Octuple, Quadruple
 
 Types = tuple[TokenType, ...]
 

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from math import factorial, perm, prod
 
-from engine.model.task_space import Form, Growth, Space, Step
-from engine.stages.states.clusters import counts_of, exchanges
+from cellwright.engine.model.task_space import Form, Growth, Space, Step
+from cellwright.engine.stages.states.clusters import counts_of, exchanges
 
 MOST_STATES = 200_000
 Marking = tuple[int, ...]  # the forms of all clusters, in ascending order

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 
-from engine.stages.states.tokens import bodies
-from kb.model.contacts import ContactModel, class_of, describes
-from kb.model.octuples import Bindings, Octuple
+from cellwright.engine.stages.states.tokens import bodies
+from cellwright.kb.model.contacts import ContactModel, class_of, describes
+from cellwright.kb.model.octuples import Bindings, Octuple
 
 
 class Stability:

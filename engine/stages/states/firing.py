@@ -10,12 +10,12 @@ from functools import cached_property
 
 import networkx as nx
 
-from engine.model.task_space import Cluster, Edge, Net, Space, Step, Transition
-from engine.stages.states.clusters import form_of
-from engine.stages.states.rules import Rules
-from engine.stages.states.tokens import moved_by_hand
-from kb.model.contacts import ConditionKind
-from kb.model.octuples import Octuple, Quadruple
+from cellwright.engine.model.task_space import Cluster, Edge, Net, Space, Step, Transition
+from cellwright.engine.stages.states.clusters import form_of
+from cellwright.engine.stages.states.rules import Rules
+from cellwright.engine.stages.states.tokens import moved_by_hand
+from cellwright.kb.model.contacts import ConditionKind
+from cellwright.kb.model.octuples import Octuple, Quadruple
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,14 +6,14 @@ It works on clusters, not on whole states: a step depends only on the clusters t
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from engine.model.task_space import Cluster, Edge, Form, Removed, Space, Step, TokenType
-from engine.ports import ContactFilter
-from engine.stages.states.canonical import Key
-from engine.stages.states.clusters import Named, components, counts_of, form_of, free, joined, part
-from engine.stages.states.rules import Rules
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.contacts import ContactModel
-from kb.model.octuples import Octuple
+from cellwright.engine.model.task_space import Cluster, Edge, Form, Removed, Space, Step, TokenType
+from cellwright.engine.ports import ContactFilter
+from cellwright.engine.stages.states.canonical import Key
+from cellwright.engine.stages.states.clusters import Named, components, counts_of, form_of, free, joined, part
+from cellwright.engine.stages.states.rules import Rules
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.model.contacts import ContactModel
+from cellwright.kb.model.octuples import Octuple
 
 MOST_FORMS = 20_000
 Filters = Mapping[str, ContactFilter]

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 
-from engine.model.task_space import Growth, Net, Space
-from engine.stages.states.clusters import Named
-from engine.stages.states.counting import MOST_STATES, growth, reachable
-from engine.stages.states.places import Sorted, places
-from engine.stages.states.regions import regions
-from engine.stages.states.tokens import bodies, moved_by_hand
-from engine.stages.states.transitions import transitions
+from cellwright.engine.model.task_space import Growth, Net, Space
+from cellwright.engine.stages.states.clusters import Named
+from cellwright.engine.stages.states.counting import MOST_STATES, growth, reachable
+from cellwright.engine.stages.states.places import Sorted, places
+from cellwright.engine.stages.states.regions import regions
+from cellwright.engine.stages.states.tokens import bodies, moved_by_hand
+from cellwright.engine.stages.states.transitions import transitions
 
 
 def net_of(space: Space, full: bool = False, most: int = MOST_STATES) -> Net:

@@ -8,11 +8,11 @@ are taken: their number is a capacity. `relevance` in the contact model says wha
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.model.task_space import Cluster, Edge, Slot, Space
-from engine.stages.states.clusters import Named, free, neighbours
-from engine.stages.states.rules import Rules
-from kb.model.contacts import describes
-from kb.model.octuples import Octuple, Quadruple, void_of
+from cellwright.engine.model.task_space import Cluster, Edge, Slot, Space
+from cellwright.engine.stages.states.clusters import Named, free, neighbours
+from cellwright.engine.stages.states.rules import Rules
+from cellwright.kb.model.contacts import describes
+from cellwright.kb.model.octuples import Octuple, Quadruple, void_of
 
 Mark = tuple[object, ...]
 Near = Sequence[Sequence[tuple[Edge, int]]]

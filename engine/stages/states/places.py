@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.model.task_space import Cluster, Edge, Place, Space
-from engine.stages.states.clusters import counts_of
-from engine.stages.states.counting import Graph
-from engine.stages.states.outlines import Mark, Outline, Outliner, counted, needed
-from kb.model.octuples import Octuple, Quadruple, numbered
+from cellwright.engine.model.task_space import Cluster, Edge, Place, Space
+from cellwright.engine.stages.states.clusters import counts_of
+from cellwright.engine.stages.states.counting import Graph
+from cellwright.engine.stages.states.outlines import Mark, Outline, Outliner, counted, needed
+from cellwright.kb.model.octuples import Octuple, Quadruple, numbered
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import networkx as nx
 
-from engine.model.task_space import Region, Space
-from engine.stages.states.counting import Graph, Marking, exchanged
-from kb.model.contacts import OneWay
+from cellwright.engine.model.task_space import Region, Space
+from cellwright.engine.stages.states.counting import Graph, Marking, exchanged
+from cellwright.kb.model.contacts import OneWay
 
 
 def regions(space: Space, graph: Graph) -> tuple[Region, ...]:

@@ -7,10 +7,10 @@ of them is moved by a controllable chain and nothing in that cluster is held by 
 from collections.abc import Mapping
 from functools import cached_property
 
-from engine.model.task_space import Cluster, Edge
-from engine.stages.states.clusters import Types, components, neighbours
-from kb.model.contacts import ContactClass, ContactModel, OneWay, class_of
-from kb.model.octuples import Octuple, Quadruple
+from cellwright.engine.model.task_space import Cluster, Edge
+from cellwright.engine.stages.states.clusters import Types, components, neighbours
+from cellwright.kb.model.contacts import ContactClass, ContactModel, OneWay, class_of
+from cellwright.kb.model.octuples import Octuple, Quadruple
 
 
 class Rules:

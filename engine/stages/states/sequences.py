@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from engine.stages.states.firing import Firing, Player, Situation
-from kb.model.contacts import describes
-from kb.model.octuples import Octuple, matches
+from cellwright.engine.stages.states.firing import Firing, Player, Situation
+from cellwright.kb.model.contacts import describes
+from cellwright.kb.model.octuples import Octuple, matches
 
 MOST_SITUATIONS = 20_000
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import networkx as nx
 
-from engine.model.task_space import Slot, TokenType
-from kb.model.contacts import GROUND, ContactModel, PermanentContact
-from kb.model.octuples import ANY, Octuple, named_in, variable
+from cellwright.engine.model.task_space import Slot, TokenType
+from cellwright.kb.model.contacts import GROUND, ContactModel, PermanentContact
+from cellwright.kb.model.octuples import ANY, Octuple, named_in, variable
 
 Individuals = Collection[tuple[str, str]]  # (object class, anchor point) that may not be exchanged for others
 

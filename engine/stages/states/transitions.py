@@ -3,12 +3,12 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from engine.model.task_space import Edge, Place, Space, Step, Transfer, Transition
-from engine.stages.states.clusters import Named, neighbours
-from engine.stages.states.outlines import Outline, needed
-from engine.stages.states.places import Sorted, normal
-from kb.model.contacts import Restriction, describes
-from kb.model.octuples import ANY, Octuple, Quadruple
+from cellwright.engine.model.task_space import Edge, Place, Space, Step, Transfer, Transition
+from cellwright.engine.stages.states.clusters import Named, neighbours
+from cellwright.engine.stages.states.outlines import Outline, needed
+from cellwright.engine.stages.states.places import Sorted, normal
+from cellwright.kb.model.contacts import Restriction, describes
+from cellwright.kb.model.octuples import ANY, Octuple, Quadruple
 
 Group = tuple[bool, str, tuple[tuple[int, int], tuple[int, int]], tuple[int, ...], tuple[int, ...]]
 

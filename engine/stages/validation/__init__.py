@@ -2,32 +2,32 @@
 
 It executes the steps in one order against the domain itself, verifies every causal link, and shows that
 unordered steps cannot disturb each other. So every other order gives the same result. It shares no code with
-grounding or search. Both use these parts of `kb`: terms and how they are matched (`kb.terms`), their
-arithmetic (`kb.arithmetic`), what clingo derives from the static rules (`kb.asp`), and what a workflow means
-(`kb.model.workflow`).
+grounding or search. Both use these parts of `kb`: terms and how they are matched (`cellwright.kb.terms`), their
+arithmetic (`cellwright.kb.arithmetic`), what clingo derives from the static rules (`cellwright.kb.asp`), and what a workflow means
+(`cellwright.kb.model.workflow`).
 """
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from engine.model.stages import stage_atom
-from engine.stages.validation.changes import StepChange
-from engine.stages.validation.claims import false_claims
-from engine.stages.validation.datalog import holds
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.interference import Executed, Interference
-from engine.stages.validation.links import Links
-from engine.stages.validation.precedence import Precedence
-from engine.stages.validation.semantics import Semantics
-from engine.stages.validation.workflow import ChainProgress
-from kb.arithmetic import evaluate
-from kb.diagnostics import Diagnostic, Source
-from kb.model.amounts import NoAmount
-from kb.model.conditions import And, Condition, Literal, literals
-from kb.model.domain import Operator
-from kb.model.plan import GOAL, START, CausalLink, Claims, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Substitution, Term, substitute, substitute_atom
+from cellwright.engine.model.stages import stage_atom
+from cellwright.engine.stages.validation.changes import StepChange
+from cellwright.engine.stages.validation.claims import false_claims
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.interference import Executed, Interference
+from cellwright.engine.stages.validation.links import Links
+from cellwright.engine.stages.validation.precedence import Precedence
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.validation.workflow import ChainProgress
+from cellwright.kb.arithmetic import evaluate
+from cellwright.kb.diagnostics import Diagnostic, Source
+from cellwright.kb.model.amounts import NoAmount
+from cellwright.kb.model.conditions import And, Condition, Literal, literals
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Claims, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Substitution, Term, substitute, substitute_atom
 
 AMOUNTS = ("duration", "cost")
 

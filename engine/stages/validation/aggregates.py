@@ -5,9 +5,9 @@ Where only bounds of a state are known, so are only bounds of the set: tuples th
 
 from collections.abc import Iterator, Mapping, Set
 
-from kb.arithmetic import evaluate, order_key
-from kb.model.conditions import StateAggregate
-from kb.terms import Number, Term, Variable, is_ground, substitute
+from cellwright.kb.arithmetic import evaluate, order_key
+from cellwright.kb.model.conditions import StateAggregate
+from cellwright.kb.terms import Number, Term, Variable, is_ground, substitute
 
 Tuple = tuple[Term | None, ...]
 Key = tuple[object, ...]

@@ -7,11 +7,21 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from typing import NamedTuple
 
-from engine.stages.validation.datalog import solve
-from engine.stages.validation.ordering import binds
-from engine.stages.validation.tables import Row, Table, Tables, picked
-from kb.model.conditions import BodyPart, Literal
-from kb.terms import ANYTHING, Atom, Function, Term, Variable, is_ground, match, substitute, variables
+from cellwright.engine.stages.validation.datalog import solve
+from cellwright.engine.stages.validation.ordering import binds
+from cellwright.engine.stages.validation.tables import Row, Table, Tables, picked
+from cellwright.kb.model.conditions import BodyPart, Literal
+from cellwright.kb.terms import (
+    ANYTHING,
+    Atom,
+    Function,
+    Term,
+    Variable,
+    is_ground,
+    match,
+    substitute,
+    variables,
+)
 
 Slots = list[int]
 Next = Callable[[Slots], None]

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from engine.stages.validation.datalog import Bindings, solve
-from engine.stages.validation.facts import Facts
-from kb.model.conditions import Body
-from kb.model.domain import Consequence
-from kb.terms import Atom, Term, Variable, match
+from cellwright.engine.stages.validation.datalog import Bindings, solve
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.kb.model.conditions import Body
+from cellwright.kb.model.domain import Consequence
+from cellwright.kb.terms import Atom, Term, Variable, match
 
 State = frozenset[Atom]
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Mapping
 
-from engine.model.histories import histories
-from kb.model.plan import Claims, Happened, Plan, Step, StepId
-from kb.model.problem import Problem
+from cellwright.engine.model.histories import histories
+from cellwright.kb.model.plan import Claims, Happened, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
 
 Times = Mapping[StepId, int]
 

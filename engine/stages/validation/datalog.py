@@ -1,16 +1,16 @@
 """Solves bodies over sets of facts by plain recursion: this is how the checker itself evaluates conditions.
 
-It shares with the search how terms are computed and compared (`kb.arithmetic`), but no code that solves.
+It shares with the search how terms are computed and compared (`cellwright.kb.arithmetic`), but no code that solves.
 """
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from engine.stages.validation.aggregates import Tuple, fitting
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.ordering import Bindings, in_order, next_part
-from kb.arithmetic import compare, evaluate
-from kb.model.conditions import (
+from cellwright.engine.stages.validation.aggregates import Tuple, fitting
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.ordering import Bindings, in_order, next_part
+from cellwright.kb.arithmetic import compare, evaluate
+from cellwright.kb.model.conditions import (
     Aggregate,
     And,
     Body,
@@ -26,8 +26,8 @@ from kb.model.conditions import (
     StateAggregate,
     goal_parts,
 )
-from kb.model.domain import UNLISTED
-from kb.terms import (
+from cellwright.kb.model.domain import UNLISTED
+from cellwright.kb.terms import (
     Atom,
     Function,
     Term,

@@ -4,12 +4,12 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
-from engine.stages.validation.changes import Denial, well_typed
-from engine.stages.validation.datalog import Bindings, solve
-from engine.stages.validation.facts import Facts
-from kb.model.conditions import Body, Literal
-from kb.model.domain import Consequence, DeductiveOperator
-from kb.terms import Atom, Function, match, substitute_atom, variables
+from cellwright.engine.stages.validation.changes import Denial, well_typed
+from cellwright.engine.stages.validation.datalog import Bindings, solve
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.kb.model.conditions import Body, Literal
+from cellwright.kb.model.domain import Consequence, DeductiveOperator
+from cellwright.kb.terms import Atom, Function, match, substitute_atom, variables
 
 REMEMBERED = 1 << 14  # atoms, and steps
 

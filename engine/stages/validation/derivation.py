@@ -7,13 +7,13 @@ The checker's own: it shares no code with grounding or search.
 from collections.abc import Collection, Iterable, Sequence, Set
 from dataclasses import dataclass, field
 
-from engine.stages.validation.datalog import solve
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.joins import Join, joins
-from engine.stages.validation.tables import Row, Table, Tables
-from kb.model.conditions import StateAggregate, literals
-from kb.model.domain import Rule
-from kb.terms import Atom, is_ground, match, substitute_atom
+from cellwright.engine.stages.validation.datalog import solve
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.joins import Join, joins
+from cellwright.engine.stages.validation.tables import Row, Table, Tables
+from cellwright.kb.model.conditions import StateAggregate, literals
+from cellwright.kb.model.domain import Rule
+from cellwright.kb.terms import Atom, is_ground, match, substitute_atom
 
 
 @dataclass

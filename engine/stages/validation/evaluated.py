@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterable, Mapping
 
-from engine.stages.validation.facts import Facts
-from kb.terms import Atom, Term
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.kb.terms import Atom, Term
 
 SINGLY = 200  # atoms of a predicate that are asked for before all are read
 

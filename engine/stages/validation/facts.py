@@ -3,8 +3,8 @@
 import itertools
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 
-from kb.model.domain import NUMERIC_TYPES, OBJECT
-from kb.terms import Atom, Function, Number, Term, Text, is_ground
+from cellwright.kb.model.domain import NUMERIC_TYPES, OBJECT
+from cellwright.kb.terms import Atom, Function, Number, Term, Text, is_ground
 
 Key = tuple[int, Term]  # the place of an argument, and what it is
 NONE: Mapping[Atom, None] = {}

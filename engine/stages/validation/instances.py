@@ -3,14 +3,14 @@
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from engine.stages.validation.changes import Denial, StepChange
-from engine.stages.validation.datalog import Bindings
-from engine.stages.validation.facts import Facts
-from kb.arithmetic import evaluate
-from kb.model.amounts import Amounts
-from kb.model.conditions import TRUE
-from kb.model.domain import Kind, Operator
-from kb.terms import Atom, Term, substitute
+from cellwright.engine.stages.validation.changes import Denial, StepChange
+from cellwright.engine.stages.validation.datalog import Bindings
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.kb.arithmetic import evaluate
+from cellwright.kb.model.amounts import Amounts
+from cellwright.kb.model.conditions import TRUE
+from cellwright.kb.model.domain import Kind, Operator
+from cellwright.kb.terms import Atom, Term, substitute
 
 Fired = tuple[Atom, bool, bool]
 """An atom that an effect names, whether it is added, and whether as an event it comes but once."""

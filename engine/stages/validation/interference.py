@@ -9,18 +9,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-from engine.stages.validation.changes import Denial, State, StepChange
-from engine.stages.validation.datalog import Bindings, holds
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.pairs import Region, Touched, loose, pairs
-from engine.stages.validation.precedence import Precedence
-from engine.stages.validation.semantics import Semantics
-from kb.model.bindings import bind
-from kb.model.conditions import TRUE, Condition, literals
-from kb.model.domain import Operator
-from kb.model.plan import CausalLink, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, is_ground, match, substitute_atom, variables
+from cellwright.engine.stages.validation.changes import Denial, State, StepChange
+from cellwright.engine.stages.validation.datalog import Bindings, holds
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.pairs import Region, Touched, loose, pairs
+from cellwright.engine.stages.validation.precedence import Precedence
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.bindings import bind
+from cellwright.kb.model.conditions import TRUE, Condition, literals
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.plan import CausalLink, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ANYTHING, Atom, Function, is_ground, match, substitute_atom, variables
 
 Key = tuple[Hashable, ...]
 MAX_UNCERTAIN = 7  # if at most this many atoms are open, every combination is tried

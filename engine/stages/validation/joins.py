@@ -8,12 +8,12 @@ from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
 
-from engine.stages.validation.chains import Chain, Slots
-from engine.stages.validation.ordering import in_order
-from engine.stages.validation.tables import Row, Table, Tables
-from kb.model.conditions import Body, Literal
-from kb.model.domain import Rule
-from kb.terms import ANYTHING, Atom, Function, Term, Variable, substitute_atom, variables
+from cellwright.engine.stages.validation.chains import Chain, Slots
+from cellwright.engine.stages.validation.ordering import in_order
+from cellwright.engine.stages.validation.tables import Row, Table, Tables
+from cellwright.kb.model.conditions import Body, Literal
+from cellwright.kb.model.domain import Rule
+from cellwright.kb.terms import ANYTHING, Atom, Function, Term, Variable, substitute_atom, variables
 
 
 class Made(NamedTuple):

@@ -5,15 +5,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.interference import Executed, Interference, is_stage, signed
-from engine.stages.validation.workflow import ChainProgress
-from kb.model.domain import Kind
-from kb.model.plan import GOAL, START, CausalLink, StepId
-from kb.model.problem import Chain
-from kb.model.workflow import reaches
-from kb.terms import Atom, Function, Number, Text, parts_of
-from kb.terms import match as matched
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.interference import Executed, Interference, is_stage, signed
+from cellwright.engine.stages.validation.workflow import ChainProgress
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.plan import GOAL, START, CausalLink, StepId
+from cellwright.kb.model.problem import Chain
+from cellwright.kb.model.workflow import reaches
+from cellwright.kb.terms import Atom, Function, Number, Text, parts_of
+from cellwright.kb.terms import match as matched
 
 
 @dataclass

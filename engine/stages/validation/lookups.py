@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.scope import Scope
-from engine.stages.validation.sums import Slots
-from kb.terms import ANYTHING, Atom, Term, Variable, is_ground
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.scope import Scope
+from cellwright.engine.stages.validation.sums import Slots
+from cellwright.kb.terms import ANYTHING, Atom, Term, Variable, is_ground
 
 Next = Callable[[Facts, Slots], bool]
 """Goes on with what is known; tells whether to stop."""

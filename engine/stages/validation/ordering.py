@@ -5,9 +5,9 @@ The checker's own, like the rest of its Datalog.
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from engine.stages.validation.aggregates import can_test
-from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal, StateAggregate
-from kb.terms import Function, Operation, Term, Variable, is_ground, variables
+from cellwright.engine.stages.validation.aggregates import can_test
+from cellwright.kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal, StateAggregate
+from cellwright.kb.terms import Function, Operation, Term, Variable, is_ground, variables
 
 Bindings = Mapping[Variable, Term]
 _VALUE = Function("value")  # stands for what a variable will be

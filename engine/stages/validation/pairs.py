@@ -7,8 +7,8 @@ are looked up by what they change.
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import NamedTuple
 
-from engine.stages.validation.precedence import Precedence
-from kb.terms import ANYTHING, Term
+from cellwright.engine.stages.validation.precedence import Precedence
+from cellwright.kb.terms import ANYTHING, Term
 
 Known = dict[Hashable, tuple[int, int]]
 """The places of steps for each key: the first one, and from there on all as bits."""

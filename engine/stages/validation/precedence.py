@@ -7,7 +7,7 @@ a plan that is nearly a sequence the mark is near the step, so little is kept, a
 from bisect import bisect_right
 from collections.abc import Iterator
 
-from kb.model.plan import GOAL, START, Plan, StepId
+from cellwright.kb.model.plan import GOAL, START, Plan, StepId
 
 
 class Precedence:

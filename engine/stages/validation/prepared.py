@@ -6,13 +6,13 @@ What is no conjunction of literals and comparisons is evaluated as `datalog` doe
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from engine.stages.validation.datalog import Arranged, arranged, bound, holds
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.instances import Fired, unconditional
-from engine.stages.validation.lookups import Link, Next, Unprepared, looked_up
-from engine.stages.validation.scope import Scope
-from engine.stages.validation.sums import Slots, Test, compared, valued
-from kb.model.conditions import (
+from cellwright.engine.stages.validation.datalog import Arranged, arranged, bound, holds
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.instances import Fired, unconditional
+from cellwright.engine.stages.validation.lookups import Link, Next, Unprepared, looked_up
+from cellwright.engine.stages.validation.scope import Scope
+from cellwright.engine.stages.validation.sums import Slots, Test, compared, valued
+from cellwright.kb.model.conditions import (
     TRUE,
     BodyPart,
     Comparison,
@@ -22,8 +22,8 @@ from kb.model.conditions import (
     Parameter,
     goal_parts,
 )
-from kb.model.domain import Effect, Operator
-from kb.terms import ANYTHING, Term, Variable, substitute_atom
+from cellwright.kb.model.domain import Effect, Operator
+from cellwright.kb.terms import ANYTHING, Term, Variable, substitute_atom
 
 Holds = Callable[[Facts, Slots], bool]
 Fires = Callable[[Facts, Slots], object]

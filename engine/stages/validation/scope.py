@@ -3,8 +3,8 @@
 import operator as plain
 from collections.abc import Callable, Iterable, Sequence
 
-from engine.stages.validation.sums import Slots, written
-from kb.terms import Atom, Function, Term, Variable, is_ground, variables
+from cellwright.engine.stages.validation.sums import Slots, written
+from cellwright.kb.terms import Atom, Function, Term, Variable, is_ground, variables
 
 Made = Callable[[Slots], Atom]
 Question = tuple[str, int, tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]

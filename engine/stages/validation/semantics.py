@@ -10,29 +10,29 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from engine.stages.validation.changes import Denial, State, StepChange
-from engine.stages.validation.datalog import Bindings, solve
-from engine.stages.validation.deductions import Deductions, remembered
-from engine.stages.validation.derivation import Derivation
-from engine.stages.validation.evaluated import Evaluated
-from engine.stages.validation.facts import Deduced, Facts
-from engine.stages.validation.instances import (
+from cellwright.engine.stages.validation.changes import Denial, State, StepChange
+from cellwright.engine.stages.validation.datalog import Bindings, solve
+from cellwright.engine.stages.validation.deductions import Deductions, remembered
+from cellwright.engine.stages.validation.derivation import Derivation
+from cellwright.engine.stages.validation.evaluated import Evaluated
+from cellwright.engine.stages.validation.facts import Deduced, Facts
+from cellwright.engine.stages.validation.instances import (
     Demands,
     Effects,
     as_named,
     demands_of,
     effects_of,
 )
-from engine.stages.validation.prepared import Prepared
-from kb.asp.statics import evaluated
-from kb.asp.vocabulary import guard
-from kb.graphs import components, reached
-from kb.loader.amounts import amounts_of
-from kb.model.amounts import Amounts
-from kb.model.conditions import Aggregate, Body, Condition, Literal, Parameter, literals
-from kb.model.domain import Kind, Operator, Rule
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, substitute_atom
+from cellwright.engine.stages.validation.prepared import Prepared
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.asp.vocabulary import guard
+from cellwright.kb.graphs import components, reached
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.amounts import Amounts
+from cellwright.kb.model.conditions import Aggregate, Body, Condition, Literal, Parameter, literals
+from cellwright.kb.model.domain import Kind, Operator, Rule
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term, substitute_atom
 
 
 @dataclass

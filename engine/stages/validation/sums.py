@@ -1,15 +1,15 @@
 """Arithmetic over a list of terms whose places are known: sums as numbers for each place, found once.
 
-Its values are those of `kb.arithmetic`. What is no sum of numbers is left to it.
+Its values are those of `cellwright.kb.arithmetic`. What is no sum of numbers is left to it.
 """
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from kb.arithmetic import BITS, compare, evaluate
-from kb.model.conditions import Comparison
-from kb.terms import Number, Operation, Term, Variable, substitute
+from cellwright.kb.arithmetic import BITS, compare, evaluate
+from cellwright.kb.model.conditions import Comparison
+from cellwright.kb.terms import Number, Operation, Term, Variable, substitute
 
 Slots = list[Any]  # terms, and what is known of them
 Places = Mapping[Term, int]

@@ -6,8 +6,8 @@ The checker's own, like the rest of its Datalog.
 from collections.abc import Callable, Collection, Sequence
 from operator import itemgetter
 
-from engine.stages.validation.facts import Facts
-from kb.terms import Atom, Function, Term
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.kb.terms import Atom, Function, Term
 
 Row = tuple[int, ...]
 Places = Sequence[int]

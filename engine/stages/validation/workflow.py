@@ -4,11 +4,11 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.stages.validation.facts import Facts
-from kb.model.domain import Domain
-from kb.model.plan import START, StepId
-from kb.model.problem import Chain
-from kb.model.workflow import (
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.plan import START, StepId
+from cellwright.kb.model.problem import Chain
+from cellwright.kb.model.workflow import (
     begun,
     holding,
     in_turn,
@@ -20,7 +20,7 @@ from kb.model.workflow import (
     those_reaching,
     too_early,
 )
-from kb.terms import Atom, parts_of
+from cellwright.kb.terms import Atom, parts_of
 
 Counters = tuple[int, ...]
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from engine.kernels.rigid import inverse, rotation_vector, transform, turned
-from engine.model.geometry import Floats
-from engine.model.vision import Camera, DepthImage, Located
+from cellwright.engine.kernels.rigid import inverse, rotation_vector, transform, turned
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Camera, DepthImage, Located
 
 FEWEST = 3  # poses of the hand, distances of the plate, or pixels that show it
 FOCAL_SIGMA, CENTRE_SIGMA_PX = 0.01, 3.0  # what is doubted of the maker's intrinsics

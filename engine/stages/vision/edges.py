@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.ranging import EdgeKind, Edges, RangeImage
-from engine.stages.vision.slopes import Planes, inverse_depths, planes_beside
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.ranging import EdgeKind, Edges, RangeImage
+from cellwright.engine.stages.vision.slopes import Planes, inverse_depths, planes_beside
 
 REACH, BESIDE = 4, 2  # pixels of a window: away from the edge, and along it on either side
 STEP, TURN = 6.0, 5.0  # standard deviations

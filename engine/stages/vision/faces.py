@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.model.solid import Solid
-from engine.model.vision import DepthImage
-from engine.stages.vision.outlines import Region
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.model.vision import DepthImage
+from cellwright.engine.stages.vision.outlines import Region
 
 SMALL = 0.01  # of a solid's surface: smaller facets are not looked for
 SPREAD = 60  # points that stand for a face

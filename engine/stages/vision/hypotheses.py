@@ -10,14 +10,14 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.rigid import transform
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.solid import Facet, Solid
-from engine.model.vision import DepthImage
-from engine.stages.vision.kernels.samples import Samples, seen
-from engine.stages.vision.lines import Lines
-from engine.stages.vision.outlines import Region, axes_of
-from engine.stages.vision.symmetry import likenesses, symmetries
+from cellwright.engine.kernels.rigid import transform
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.solid import Facet, Solid
+from cellwright.engine.model.vision import DepthImage
+from cellwright.engine.stages.vision.kernels.samples import Samples, seen
+from cellwright.engine.stages.vision.lines import Lines
+from cellwright.engine.stages.vision.outlines import Region, axes_of
+from cellwright.engine.stages.vision.symmetry import likenesses, symmetries
 
 ANGLE = np.radians(6)
 LENGTH_M = 0.004

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.rigid import apply
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.solid import Solid
-from engine.model.vision import Camera, DepthImage
-from engine.stages.vision.kernels.rays import Range, draw
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.model.vision import Camera, DepthImage
+from cellwright.engine.stages.vision.kernels.rays import Range, draw
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats, Truths
+from cellwright.engine.model.geometry import Floats, Truths
 
 ON_LINE_PX = 1.2
 TURN = np.cos(np.radians(25))

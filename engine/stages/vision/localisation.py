@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from engine.kernels.rigid import apply, difference
-from engine.model.geometry import Floats, Truths
-from engine.model.vision import DepthImage, Hypothesis, Located, NotLocated, Sighting
-from engine.stages.vision.hypotheses import Model, hypotheses
-from engine.stages.vision.outlines import Region, regions_of
-from engine.stages.vision.refinement import View, judged, look, refined, settled
+from cellwright.engine.kernels.rigid import apply, difference
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.vision import DepthImage, Hypothesis, Located, NotLocated, Sighting
+from cellwright.engine.stages.vision.hypotheses import Model, hypotheses
+from cellwright.engine.stages.vision.outlines import Region, regions_of
+from cellwright.engine.stages.vision.refinement import View, judged, look, refined, settled
 
 TRIED, BETTERED, REFINED = (
     30,

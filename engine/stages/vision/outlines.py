@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.vision import Camera, DepthImage
-from engine.stages.vision.kernels.regions import Grower, block, blocks, grow, release
-from engine.stages.vision.kernels.rims import border
-from engine.stages.vision.lines import Lines, lines_through
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.vision import Camera, DepthImage
+from cellwright.engine.stages.vision.kernels.regions import Grower, block, blocks, grow, release
+from cellwright.engine.stages.vision.kernels.rims import border
+from cellwright.engine.stages.vision.lines import Lines, lines_through
 
 SIDE, STRIDE = 8, 4  # pixels: of blocks that regions grow from
 PLANAR = 1.5  # of the noise: what a plane block may deviate

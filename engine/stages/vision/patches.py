@@ -9,11 +9,11 @@ import math
 import numpy as np
 from scipy import ndimage
 
-from engine.model.fits import Cloud
-from engine.model.geometry import Floats, Truths
-from engine.model.ranging import EdgeKind, Edges, RangeImage, Window
-from engine.stages.vision.ranging import beam_px
-from engine.stages.vision.slopes import cosines
+from cellwright.engine.model.fits import Cloud
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.ranging import EdgeKind, Edges, RangeImage, Window
+from cellwright.engine.stages.vision.ranging import beam_px
+from cellwright.engine.stages.vision.slopes import cosines
 
 BESIDE_PX = 1  # of a roof or a crease
 AROUND = 2  # pixels on either side whose strength counts

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from engine.model.geometry import Floats, Truths
-from engine.model.ranging import Window, beams_of, picture_of
-from engine.model.solid import Solid
-from engine.stages.vision.ranging import beam_px, seen
-from kb.model.ranging import Ranging
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.ranging import Window, beams_of, picture_of
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.stages.vision.ranging import beam_px, seen
+from cellwright.kb.model.ranging import Ranging
 
 SAME_M = 2e-4  # off the plane of the measured point: what is expected so near belongs to its surface
 MISPLACED_M = (

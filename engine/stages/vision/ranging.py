@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from engine.kernels.rigid import apply
-from engine.model.geometry import Floats, Truths
-from engine.model.ranging import RangeImage, Resolving, Vague, beams_of, picture_of
-from engine.model.solid import Solid
-from engine.model.vision import Camera
-from engine.stages.vision.kernels.rays import Range, draw
-from engine.stages.vision.slopes import cosines
-from kb.model.ranging import Ranging
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.ranging import RangeImage, Resolving, Vague, beams_of, picture_of
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.model.vision import Camera
+from cellwright.engine.stages.vision.kernels.rays import Range, draw
+from cellwright.engine.stages.vision.slopes import cosines
+from cellwright.kb.model.ranging import Ranging
 
 Waves = NDArray[np.complex128]
 FINER = 5  # beams across a pixel that are followed

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from engine.model.geometry import Floats, Truths
-from engine.model.ranging import Named, Recognised, Sight, Unclear, Unexplained, Window
-from engine.model.vision import DepthImage, Hypothesis
-from engine.stages.vision.faces import face_of, independent
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.localisation import (
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.ranging import Named, Recognised, Sight, Unclear, Unexplained, Window
+from cellwright.engine.model.vision import DepthImage, Hypothesis
+from cellwright.engine.stages.vision.faces import face_of, independent
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.localisation import (
     Demands,
     Ground,
     below,
@@ -29,9 +29,9 @@ from engine.stages.vision.localisation import (
     stands,
     worth,
 )
-from engine.stages.vision.outlines import regions_of
-from engine.stages.vision.refinement import View, look
-from engine.stages.vision.relations import LEAST_RANK, SPANS, related_poses
+from cellwright.engine.stages.vision.outlines import regions_of
+from cellwright.engine.stages.vision.refinement import View, look
+from cellwright.engine.stages.vision.relations import LEAST_RANK, SPANS, related_poses
 
 FACES = 24  # that are interpreted, the largest
 RELATED = 40  # poses of one part that relations between faces give, those with the most pixels first

@@ -9,14 +9,14 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.rigid import apply, turned
-from engine.model.geometry import Floats, Longs, Truths
-from engine.model.vision import DepthImage, Hypothesis
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.kernels.rays import Range, draw
-from engine.stages.vision.kernels.rims import border, ends
-from engine.stages.vision.outlines import shrunk
-from engine.stages.vision.residuals import beside_edges, off_px
+from cellwright.engine.kernels.rigid import apply, turned
+from cellwright.engine.model.geometry import Floats, Longs, Truths
+from cellwright.engine.model.vision import DepthImage, Hypothesis
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.kernels.rays import Range, draw
+from cellwright.engine.stages.vision.kernels.rims import border, ends
+from cellwright.engine.stages.vision.outlines import shrunk
+from cellwright.engine.stages.vision.residuals import beside_edges, off_px
 
 ROUNDS, MOST_ROUNDS = 6, 14  # of a refinement, and after those, until it is at rest
 LEAST_WITHIN = 3.0  # of the noise: what is farther from the surface is not compared in the end

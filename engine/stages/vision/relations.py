@@ -13,11 +13,11 @@ from itertools import islice
 
 import numpy as np
 
-from engine.kernels.rigid import transform
-from engine.model.geometry import Floats
-from engine.stages.vision.faces import Face, faces_of, farthest, independent
-from engine.stages.vision.hypotheses import Model, inside
-from engine.stages.vision.outlines import axes_of
+from cellwright.engine.kernels.rigid import transform
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.vision.faces import Face, faces_of, farthest, independent
+from cellwright.engine.stages.vision.hypotheses import Model, inside
+from cellwright.engine.stages.vision.outlines import axes_of
 
 LEAST_RANK = 2  # directions that faces must span
 ANGLE_RAD, LENGTH_M, AREA = np.radians(4.0), 0.004, 1.15  # what relations may differ by

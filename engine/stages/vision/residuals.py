@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.rigid import apply
-from engine.model.geometry import Floats, Longs
-from engine.model.vision import Camera
-from engine.stages.vision.hypotheses import Model
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.model.vision import Camera
+from cellwright.engine.stages.vision.hypotheses import Model
 
 PIECE_PX = 24.0  # edges are looked at in pieces about so long: a turned edge is off one way at each end
 LEAST = 12  # places that tell of a piece

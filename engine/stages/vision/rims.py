@@ -11,10 +11,10 @@ import numpy as np
 from scipy import ndimage
 from scipy.special import ndtri
 
-from engine.model.fits import Cloud
-from engine.model.geometry import Floats, Truths
-from engine.model.ranging import RangeImage, Window
-from engine.stages.vision.ranging import TURN, Waves, beam_px
+from cellwright.engine.model.fits import Cloud
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.ranging import RangeImage, Window
+from cellwright.engine.stages.vision.ranging import TURN, Waves, beam_px
 
 SHARES = (0.1, 0.9)  # of the beam: outside of these, noise decides
 VAGUE = 0.05  # standard deviation of a share

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from engine.model.geometry import Floats, Truths
-from engine.model.ranging import RangeImage
-from engine.model.vision import Camera
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.ranging import RangeImage
+from cellwright.engine.model.vision import Camera
 
 LEAST = 5  # answers in a window: fewer tell no plane
 FLATTEST = 0.1  # cosine: of a surface seen flatter, the lean is not known well

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from engine.kernels.rigid import apply, inverse, transform
-from engine.model.geometry import Floats
-from engine.model.solid import Facet, Solid
+from cellwright.engine.kernels.rigid import apply, inverse, transform
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.solid import Facet, Solid
 
 SAME = 1e-4  # of the size
 LIKE_M, LIKE, MOST = (

@@ -4,22 +4,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import is_file
-from kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
-from kb.loader.cell.frames import Frames, read_placement
-from kb.loader.cell.guides import read_guide, read_plain
-from kb.loader.cell.locations import Known, read_locations
-from kb.loader.cell.measuring import read_measuring
-from kb.loader.cell.operations import read_operations
-from kb.loader.cell.places import Mentioned, is_tool, read_places
-from kb.loader.cell.sensors import Sensed, read_sensor
-from kb.loader.quantities import ANGLE, LENGTH, Quantities, child, members
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.references import domain_of
-from kb.loader.tree import Node, read_file
-from kb.loader.uses import composed_beside
-from kb.model.cell import (
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.files import is_file
+from cellwright.kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
+from cellwright.kb.loader.cell.frames import Frames, read_placement
+from cellwright.kb.loader.cell.guides import read_guide, read_plain
+from cellwright.kb.loader.cell.locations import Known, read_locations
+from cellwright.kb.loader.cell.measuring import read_measuring
+from cellwright.kb.loader.cell.operations import read_operations
+from cellwright.kb.loader.cell.places import Mentioned, is_tool, read_places
+from cellwright.kb.loader.cell.sensors import Sensed, read_sensor
+from cellwright.kb.loader.quantities import ANGLE, LENGTH, Quantities, child, members
+from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
+from cellwright.kb.loader.references import domain_of
+from cellwright.kb.loader.tree import Node, read_file
+from cellwright.kb.loader.uses import composed_beside
+from cellwright.kb.model.cell import (
     WORLD,
     ZONE_SPEED_M_S,
     Arm,
@@ -32,9 +32,9 @@ from kb.model.cell import (
     Region,
     Zone,
 )
-from kb.model.sensors import Sensor
-from kb.model.shapes import Sphere
-from kb.targets import CELL_FILE, DOMAIN_FILE
+from cellwright.kb.model.sensors import Sensor
+from cellwright.kb.model.shapes import Sphere
+from cellwright.kb.targets import CELL_FILE, DOMAIN_FILE
 
 
 def load_cell(path: Path) -> Cell:
@@ -153,7 +153,7 @@ class _CellReader:
                 node.where, "K005", "an arm needs one description", "give `model` or `urdf`"
             )
         if urdf is not None:
-            from kb.loader.urdf import read_urdf  # slow to import, and few cells need it
+            from cellwright.kb.loader.urdf import read_urdf  # slow to import, and few cells need it
 
             return read_urdf(urdf, node, self.read)
         if model is None:

@@ -3,11 +3,11 @@
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from kb.diagnostics import unknown_name
-from kb.loader.quantities import Quantities, child
-from kb.loader.reader import Findings
-from kb.loader.tree import Node
-from kb.model.cell import WORLD, Body, MountedArm, Placement
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.quantities import Quantities, child
+from cellwright.kb.loader.reader import Findings
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import WORLD, Body, MountedArm, Placement
 
 
 def read_placement(node: Node, read: Quantities) -> Placement:

@@ -1,9 +1,9 @@
 """How the bodies of a `cell.yaml` move on what they stand on, and what they weigh."""
 
-from kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
-from kb.loader.tree import Node
-from kb.model.cell import Guide, JointKind
-from kb.model.shapes import Vector
+from cellwright.kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import Guide, JointKind
+from cellwright.kb.model.shapes import Vector
 
 KILOGRAMS = {"": 1.0, "kg": 1.0, "g": 0.001}
 

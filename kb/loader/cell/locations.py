@@ -3,12 +3,12 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from kb.diagnostics import unknown_name
-from kb.loader.quantities import ANGLE, LENGTH, Quantities, child, required
-from kb.loader.reader import Findings, Reader
-from kb.loader.tree import Node
-from kb.model.cell import Body, JointKind, Location
-from kb.terms import Function, Term, Variable, is_ground, variables
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.quantities import ANGLE, LENGTH, Quantities, child, required
+from cellwright.kb.loader.reader import Findings, Reader
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import Body, JointKind, Location
+from cellwright.kb.terms import Function, Term, Variable, is_ground, variables
 
 
 @dataclass(frozen=True, slots=True)

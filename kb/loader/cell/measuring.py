@@ -3,11 +3,11 @@
 import math
 from collections.abc import Mapping
 
-from kb.diagnostics import unknown_name
-from kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
-from kb.loader.tree import Node
-from kb.model.cell import Body, Measuring, Sight
-from kb.model.ranging import Ranging
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import Body, Measuring, Sight
+from cellwright.kb.model.ranging import Ranging
 
 
 def read_measuring(tool: str, node: Node, read: Quantities, bodies: Mapping[str, Body]) -> Measuring:

@@ -2,14 +2,14 @@
 
 from fractions import Fraction
 
-from kb.diagnostics import unknown_name
-from kb.loader.cell.locations import Known
-from kb.loader.quantities import child
-from kb.loader.reader import Findings, Reader
-from kb.loader.tree import Node
-from kb.model.cell import Ends, Operation
-from kb.syntax import SECONDS
-from kb.terms import Function, Term, Variable, is_ground, variables
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.cell.locations import Known
+from cellwright.kb.loader.quantities import child
+from cellwright.kb.loader.reader import Findings, Reader
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import Ends, Operation
+from cellwright.kb.syntax import SECONDS
+from cellwright.kb.terms import Function, Term, Variable, is_ground, variables
 
 
 def read_operations(reader: Reader, findings: Findings, known: Known) -> tuple[Operation, ...]:

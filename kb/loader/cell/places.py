@@ -3,13 +3,13 @@
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
-from kb.diagnostics import unknown_name
-from kb.loader.cell.frames import Frames, read_placement
-from kb.loader.quantities import Quantities, child
-from kb.loader.reader import Reader
-from kb.loader.tree import Node
-from kb.model.cell import TOUCH_M, Body, Place, Placement
-from kb.terms import Function
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.cell.frames import Frames, read_placement
+from cellwright.kb.loader.quantities import Quantities, child
+from cellwright.kb.loader.reader import Reader
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import TOUCH_M, Body, Place, Placement
+from cellwright.kb.terms import Function
 
 
 @dataclass(frozen=True, slots=True)

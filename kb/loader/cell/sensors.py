@@ -3,11 +3,11 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from kb.diagnostics import unknown_name
-from kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, members, required
-from kb.loader.tree import Node
-from kb.model.cell import Body, JointKind
-from kb.model.sensors import Sensing, Sensor
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, members, required
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.cell import Body, JointKind
+from cellwright.kb.model.sensors import Sensing, Sensor
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,15 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, unknown_name
-from kb.loader.contacts.templates import Templates
-from kb.loader.domain import read_beside
-from kb.loader.inference import Typing
-from kb.loader.names import Names
-from kb.loader.quantities import Quantities, child, members
-from kb.loader.reader import Findings, Reader, require
-from kb.loader.tree import Node
-from kb.model.contacts import (
+from cellwright.kb.diagnostics import Diagnostic, unknown_name
+from cellwright.kb.loader.contacts.templates import Templates
+from cellwright.kb.loader.domain import read_beside
+from cellwright.kb.loader.inference import Typing
+from cellwright.kb.loader.names import Names
+from cellwright.kb.loader.quantities import Quantities, child, members
+from cellwright.kb.loader.reader import Findings, Reader, require
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.contacts import (
     GROUND,
     AnchorPoint,
     ConditionKind,
@@ -25,10 +25,10 @@ from kb.model.contacts import (
     Restriction,
     Undesirable,
 )
-from kb.model.domain import Domain, Kind
-from kb.model.shapes import Pose
-from kb.targets import CONTACTS_FILE
-from kb.terms import Atom
+from cellwright.kb.model.domain import Domain, Kind
+from cellwright.kb.model.shapes import Pose
+from cellwright.kb.targets import CONTACTS_FILE
+from cellwright.kb.terms import Atom
 
 
 def load_contacts(domain: Path) -> tuple[ContactModel, tuple[Diagnostic, ...]]:

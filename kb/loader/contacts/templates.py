@@ -3,11 +3,19 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from kb.diagnostics import unknown_name
-from kb.loader.reader import Findings
-from kb.loader.tree import Node
-from kb.model.contacts import AnchorPoint, ContactClass, ObjectClass, class_of
-from kb.model.octuples import ANY, NotAnOctuple, Octuple, Quadruple, matches, parse_octuple, variable
+from cellwright.kb.diagnostics import unknown_name
+from cellwright.kb.loader.reader import Findings
+from cellwright.kb.loader.tree import Node
+from cellwright.kb.model.contacts import AnchorPoint, ContactClass, ObjectClass, class_of
+from cellwright.kb.model.octuples import (
+    ANY,
+    NotAnOctuple,
+    Octuple,
+    Quadruple,
+    matches,
+    parse_octuple,
+    variable,
+)
 
 
 @dataclass

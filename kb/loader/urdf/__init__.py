@@ -8,14 +8,14 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kb.diagnostics import InvalidInput, Source
-from kb.loader.quantities import Quantities, child
-from kb.loader.reader import Findings
-from kb.loader.tree import Node, read_file
-from kb.loader.urdf.elements import ElementReader
-from kb.loader.xml import Element, read_xml
-from kb.model.cell import Arm, Inertia, Joint, JointKind, Link, Mimic
-from kb.model.shapes import Offsets, PlacedShape, Pose
+from cellwright.kb.diagnostics import InvalidInput, Source
+from cellwright.kb.loader.quantities import Quantities, child
+from cellwright.kb.loader.reader import Findings
+from cellwright.kb.loader.tree import Node, read_file
+from cellwright.kb.loader.urdf.elements import ElementReader
+from cellwright.kb.loader.xml import Element, read_xml
+from cellwright.kb.model.cell import Arm, Inertia, Joint, JointKind, Link, Mimic
+from cellwright.kb.model.shapes import Offsets, PlacedShape, Pose
 
 MOVING = {"revolute": JointKind.REVOLUTE, "continuous": JointKind.REVOLUTE, "prismatic": JointKind.PRISMATIC}
 

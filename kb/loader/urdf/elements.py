@@ -4,13 +4,24 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from kb.diagnostics import InvalidInput
-from kb.files import is_file
-from kb.loader.reader import Findings
-from kb.loader.xml import Element
-from kb.model.cell import Inertia
-from kb.model.shapes import LARGEST, MESHES, Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere, Vector
-from kb.numbers import NumberError, decimal
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import is_file
+from cellwright.kb.loader.reader import Findings
+from cellwright.kb.loader.xml import Element
+from cellwright.kb.model.cell import Inertia
+from cellwright.kb.model.shapes import (
+    LARGEST,
+    MESHES,
+    Box,
+    Cylinder,
+    Mesh,
+    PlacedShape,
+    Pose,
+    Shape,
+    Sphere,
+    Vector,
+)
+from cellwright.kb.numbers import NumberError, decimal
 
 FARTHEST = 1e300  # more is no number for us; LARGEST is what a cell may have
 LEAST = 1e-9  # a scale nearer to zero leaves nothing

@@ -4,9 +4,9 @@ A device is text with parameters. It is filled in first and read then, by the re
 of the tree knows the file that it comes from, so an error is told where it stands: in the file of the device.
 """
 
-from kb.loader.uses.binding import Use, uses_in
-from kb.loader.uses.composing import composed, composed_beside
-from kb.loader.uses.devices import Device, all_devices, available, device_called, read_device
+from cellwright.kb.loader.uses.binding import Use, uses_in
+from cellwright.kb.loader.uses.composing import composed, composed_beside
+from cellwright.kb.loader.uses.devices import Device, all_devices, available, device_called, read_device
 
 __all__ = [
     "Device",

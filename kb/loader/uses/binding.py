@@ -6,13 +6,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import File
-from kb.loader.node import Node
-from kb.loader.quantities import child, members
-from kb.loader.tree import read_file, read_tree
-from kb.loader.uses.devices import Device, available, read_device, text_of
-from kb.loader.uses.filling import Filled, all_values, filled
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.files import File
+from cellwright.kb.loader.node import Node
+from cellwright.kb.loader.quantities import child, members
+from cellwright.kb.loader.tree import read_file, read_tree
+from cellwright.kb.loader.uses.devices import Device, available, read_device, text_of
+from cellwright.kb.loader.uses.filling import Filled, all_values, filled
 
 MAX_USES = 200
 NAME = re.compile(r"[a-z][A-Za-z0-9_]*")

@@ -4,16 +4,16 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, nearest
-from kb.files import is_file
-from kb.loader.node import Node
-from kb.loader.quantities import child
-from kb.loader.reader import Findings, Reader
-from kb.loader.tree import read_file, read_tree
-from kb.loader.uses.binding import Use, uses_of
-from kb.loader.uses.faults import in_milliseconds, renamed, without_operators, without_strangers
-from kb.loader.uses.merging import merged
-from kb.targets import DEVICE_FILE
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, nearest
+from cellwright.kb.files import is_file
+from cellwright.kb.loader.node import Node
+from cellwright.kb.loader.quantities import child
+from cellwright.kb.loader.reader import Findings, Reader
+from cellwright.kb.loader.tree import read_file, read_tree
+from cellwright.kb.loader.uses.binding import Use, uses_of
+from cellwright.kb.loader.uses.faults import in_milliseconds, renamed, without_operators, without_strangers
+from cellwright.kb.loader.uses.merging import merged
+from cellwright.kb.targets import DEVICE_FILE
 
 HEAD = (
     "device",

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.loader.quantities import child, members
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.tree import Node, read_file
-from kb.targets import DEVICE_FILE, DEVICES, DOMAIN_FILE, bundled_devices, devices_in
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.loader.quantities import child, members
+from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
+from cellwright.kb.loader.tree import Node, read_file
+from cellwright.kb.targets import DEVICE_FILE, DEVICES, DOMAIN_FILE, bundled_devices, devices_in
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ The own entries of a device that is used under another name get that name in fro
 
 from collections.abc import Callable
 
-from kb.loader.node import Node
-from kb.loader.quantities import child
+from cellwright.kb.loader.node import Node
+from cellwright.kb.loader.quantities import child
 
 SECTIONS = ("exceptions", "causes", "tests", "repairs")
 REFERENCES = {"exceptions": ("causes",), "tests": ("gives",), "repairs": ("cures",)}  # where causes are named

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kb.diagnostics import InvalidInput, Source, unknown_name
-from kb.files import File, read_file
+from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
+from cellwright.kb.files import File, read_file
 
 PARAMETER = re.compile(
     r"^[ \t]*[#%][^\n]*|\$(?:([A-Za-z_][A-Za-z0-9_]*)|\{([A-Za-z_][A-Za-z0-9_]*)\}|(\$))", re.MULTILINE

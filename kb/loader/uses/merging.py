@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.loader.node import Node
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.loader.node import Node
 
 ALL = ("include",)  # lists of names that mean different things in different files
 

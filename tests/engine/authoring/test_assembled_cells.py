@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from engine.authoring.starter import create_with
-from engine.authoring.starter.assembled import texts
-from engine.faces.cli import app
-from kb.diagnostics import InvalidInput
-from kb.loader import load
-from kb.loader.faults import load_faults
-from kb.loader.uses import all_devices
+from cellwright.engine.authoring.starter import create_with
+from cellwright.engine.authoring.starter.assembled import texts
+from cellwright.engine.faces.cli import app
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.loader.uses import all_devices
 
 DEVICES = [
     "balance",

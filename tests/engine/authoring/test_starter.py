@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from engine.authoring.starter import create
-from engine.faces.cli import app
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.faces.cli import app
 
 CAUSES = ("item_missing", "jaws_worn", "sensor_dirty")
 

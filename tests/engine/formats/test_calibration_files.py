@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.calibration_files import read_held, read_plates
-from kb.diagnostics import InvalidInput
-from kb.loader.scene import load_scene
+from cellwright.engine.formats.interop.calibration_files import read_held, read_plates
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.scene import load_scene
 from tests.places import BUNDLED
 
 SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")

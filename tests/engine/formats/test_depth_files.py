@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.formats.interop.depth_files import read_cloud, read_depth
-from engine.kernels.arrays import Floats
-from engine.model.vision import Camera
-from kb.diagnostics import InvalidInput
+from cellwright.engine.formats.interop.depth_files import read_cloud, read_depth
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.vision import Camera
+from cellwright.kb.diagnostics import InvalidInput
 
 CAMERA = Camera.viewing(8, 6, 0.6, 1.0)
 

@@ -5,7 +5,7 @@ import random
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from engine.kernels.axioms import Closure, Upkeep
+from cellwright.engine.kernels.axioms import Closure, Upkeep
 
 FLUENTS, LAYERS, WIDE = 6, 4, 3
 OTHERS = FLUENTS + LAYERS * WIDE  # the first complementary atom

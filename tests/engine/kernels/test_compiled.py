@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.faces.cli.answers import UNCOMPILED, uncompiled
-from engine.kernels import bits
+from cellwright.engine.faces.cli import app
+from cellwright.engine.faces.cli.answers import UNCOMPILED, uncompiled
+from cellwright.engine.kernels import bits
 from tests.places import TOP
 
 KERNELS = sorted(TOP.glob("engine/**/*.pxd"))
@@ -31,11 +31,11 @@ def test_plain_python_in_place_of_a_kernel_is_told_once_and_not_in_the_answer(
 
 
 def test_modules_without_types_are_no_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in sys.modules if name.startswith("engine.")]:
+    for name in [name for name in sys.modules if name.startswith("cellwright.engine.")]:
         monkeypatch.delitem(sys.modules, name)
-    plain = type(sys)("engine.plain")
+    plain = type(sys)("cellwright.engine.plain")
     plain.__file__ = str(tmp_path / "plain.py")
-    monkeypatch.setitem(sys.modules, "engine.plain", plain)
+    monkeypatch.setitem(sys.modules, "cellwright.engine.plain", plain)
     assert not uncompiled()
     (tmp_path / "plain.pxd").touch()
     assert uncompiled()

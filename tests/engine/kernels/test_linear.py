@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.kernels.geometry.angles import angle_of, angles_of, arc_cosine, sines_cosines
-from engine.kernels.linear import matmul, norm, solved
+from cellwright.engine.kernels.geometry.angles import angle_of, angles_of, arc_cosine, sines_cosines
+from cellwright.engine.kernels.linear import matmul, norm, solved
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ from array import array
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.kernels.sums import NEVER, Comparisons, Repetitions
-from engine.model.quantities import RELATIONS
+from cellwright.engine.kernels.sums import NEVER, Comparisons, Repetitions
+from cellwright.engine.model.quantities import RELATIONS
 
 HOLDS = dict(
     zip(

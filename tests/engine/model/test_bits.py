@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.kernels import bits
+from cellwright.engine.kernels import bits
 from tests.engine.interpreted import interpreted
 
 BOTH = pytest.mark.parametrize("module", [bits, interpreted(bits)], ids=["imported", "interpreted"])

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem
 
 DOMAIN = """domain: tanks
 include: [rules.lp]

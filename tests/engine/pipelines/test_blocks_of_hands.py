@@ -6,18 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.model.schedule import Timetable
-from engine.pipelines.planning import planned, problem_of
-from engine.pipelines.timetable import timetable
-from engine.pipelines.timetable.blocked import BLOCKS, operators_of, subjects_of
-from engine.stages.planning import Limits
-from engine.stages.scheduling import check_schedule
-from engine.stages.scheduling.blocks import Unstructured, arms_of, arms_to, cut
-from engine.stages.scheduling.hands import shared_out
-from engine.stages.validation import validate
-from kb.model.problem import Problem
-from kb.terms import Term
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.pipelines.planning import planned, problem_of
+from cellwright.engine.pipelines.timetable import timetable
+from cellwright.engine.pipelines.timetable.blocked import BLOCKS, operators_of, subjects_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.scheduling import check_schedule
+from cellwright.engine.stages.scheduling.blocks import Unstructured, arms_of, arms_to, cut
+from cellwright.engine.stages.scheduling.hands import shared_out
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term
 
 DOMAIN = """
 domain: bakery
@@ -121,7 +121,7 @@ def test_each_way_to_share_the_blocks_can_be_carried_out(tmp_path: Path, hands: 
 
 
 def _followed(state: int, steps: Sequence[object]) -> bool:
-    from engine.model.task import GroundOperator, progress
+    from cellwright.engine.model.task import GroundOperator, progress
 
     for step in steps:
         assert isinstance(step, GroundOperator)

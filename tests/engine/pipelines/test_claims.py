@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from engine.authoring.starter import create
-from engine.faces.cli import app
-from kb.loader import bundled
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.faces.cli import app
+from cellwright.kb.loader import bundled
 
 Falsify = Callable[[dict[str, Any]], None]
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from engine.kernels.cancellation import never
-from engine.pipelines.units import Kind, carried_out, crew_of
-from kb.cycles import SELDOM
-from kb.diagnostics import InvalidInput
+from cellwright.engine.kernels.cancellation import never
+from cellwright.engine.pipelines.units import Kind, carried_out, crew_of
+from cellwright.kb.cycles import SELDOM
+from cellwright.kb.diagnostics import InvalidInput
 from tests.engine.pipelines.test_units import kind, lost, marks, results, tell_threshold, units
 
 pytestmark = pytest.mark.slow

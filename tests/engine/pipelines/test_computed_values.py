@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.stages.macros.lifted.bodies import satisfiable
-from engine.stages.macros.lifted.facts import Facts
-from kb.loader import load_problem
-from kb.syntax import parse
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.macros.lifted.bodies import satisfiable
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.kb.loader import load_problem
+from cellwright.kb.syntax import parse
 
 DOMAIN = """domain: shelves
 include: [rules.lp]

@@ -2,13 +2,13 @@
 
 import pytest
 
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from kb.diagnostics import InvalidInput
-from kb.model.conditions import TRUE, Literal, Parameter
-from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Operator
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.conditions import TRUE, Literal, Parameter
+from cellwright.kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 from tests.properties.problems import CONSTANTS, PREDICATES, TYPES, X
 
 A, B = (Function("p", (each,)) for each in CONSTANTS)

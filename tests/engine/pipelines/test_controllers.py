@@ -9,22 +9,22 @@ from pathlib import Path
 import pytest
 
 from benchmarks.controllers import Lines, Manners, Server, at_reply
-from engine.model.execution import Command, CommandKind, Fate, Record, RecordKind, Reply, Trouble
-from engine.model.outcome import Outcome
-from engine.pipelines import planning
-from engine.pipelines.controllers import ControllerDriver
-from engine.pipelines.controllers.conformance import checked
-from engine.pipelines.controllers.link import Patience, Place
-from engine.pipelines.controllers.serving import Cell
-from engine.pipelines.execution import Wanted, begin
-from engine.pipelines.execution.begin import named
-from engine.pipelines.execution.orders import Timed
-from engine.pipelines.execution.planned import Ready, first
-from engine.ports import DriverSetup
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.loader import load
-from kb.model.problem import Problem
+from cellwright.engine.model.execution import Command, CommandKind, Fate, Record, RecordKind, Reply, Trouble
+from cellwright.engine.model.outcome import Outcome
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.controllers import ControllerDriver
+from cellwright.engine.pipelines.controllers.conformance import checked
+from cellwright.engine.pipelines.controllers.link import Patience, Place
+from cellwright.engine.pipelines.controllers.serving import Cell
+from cellwright.engine.pipelines.execution import Wanted, begin
+from cellwright.engine.pipelines.execution.begin import named
+from cellwright.engine.pipelines.execution.orders import Timed
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.ports import DriverSetup
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load
+from cellwright.kb.model.problem import Problem
 
 CELL = Path(__file__).parents[2] / "domains" / "capping" / "problems" / "no_caps.yaml"
 HURRY = Patience(5, 2, 0.2, 1.5)
@@ -191,7 +191,7 @@ def test_a_command_sent_again_under_its_number_is_carried_out_once(problem: Prob
 
 
 def test_a_real_clock_goes_on_and_replies_come_by_themselves(problem: Problem) -> None:
-    from engine.pipelines.controllers import serving
+    from cellwright.engine.pipelines.controllers import serving
 
     cell = Cell(DriverSetup(problem, "", 0, 0.0005))
     simulator = cell.serve("real")
@@ -228,7 +228,7 @@ def test_conformance_names_what_a_controller_does_wrong(problem: Problem) -> Non
      {"command": "a", "answer": "soon"}, {"command": "a", "heartbeat": "nan"}],
 )  # fmt: skip
 def test_options_that_name_no_controller_are_refused(problem: Problem, options: dict[str, str]) -> None:
-    from engine.pipelines.controllers import external
+    from cellwright.engine.pipelines.controllers import external
 
     with pytest.raises(InvalidInput):
         external(DriverSetup(problem, "none", options=options))

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.faces.monitor.sequences import sequence_picture
-from engine.pipelines import checking
-from engine.pipelines.timetable import wishes_of
-from engine.stages.validation.semantics import Semantics
-from kb.loader import load_domain, load_problem
-from kb.model.conventions import CONVENTIONS
+from cellwright.engine.faces.cli import app
+from cellwright.engine.faces.monitor.sequences import sequence_picture
+from cellwright.engine.pipelines import checking
+from cellwright.engine.pipelines.timetable import wishes_of
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.loader import load_domain, load_problem
+from cellwright.kb.model.conventions import CONVENTIONS
 from tests.places import BUNDLED
 
 TIMES = [role for role, each in CONVENTIONS.items() if each.is_about_time]

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found, Infeasible, Outcome
-from engine.pipelines import planning, task_space
-from kb.files import File
-from kb.loader import bundled, load
+from cellwright.engine.model.outcome import Found, Infeasible, Outcome
+from cellwright.engine.pipelines import planning, task_space
+from cellwright.kb.files import File
+from cellwright.kb.loader import bundled, load
 
 THEMSE = bundled()["themse"]
 PROBLEMS = sorted(THEMSE.glob("problems/*.yaml"))

@@ -6,17 +6,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.task_space.domains import domain_file
-from engine.pipelines.task_space.vocabulary import Vocabulary
-from engine.stages.planning import Limits
-from engine.stages.states.filters import Stability, Templates
-from engine.stages.states.generation import generate
-from engine.stages.states.nets import net_of
-from engine.stages.states.tokens import token_types
-from kb.loader import load, with_goals
-from kb.model.octuples import Octuple
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.task_space.domains import domain_file
+from cellwright.engine.pipelines.task_space.vocabulary import Vocabulary
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.states.filters import Stability, Templates
+from cellwright.engine.stages.states.generation import generate
+from cellwright.engine.stages.states.nets import net_of
+from cellwright.engine.stages.states.tokens import token_types
+from cellwright.kb.loader import load, with_goals
+from cellwright.kb.model.octuples import Octuple
 from tests.engine.stages.states.cells import Recipe, Slow, State, cell, recipes
 
 

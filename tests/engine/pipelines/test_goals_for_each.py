@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.outcome import Found
-from engine.pipelines.attainment import attainable
-from engine.pipelines.barring import barred
-from engine.pipelines.each import for_each
-from engine.pipelines.execution.scope import Scope
-from kb.loader import load_problem
-from kb.model.conditions import And, goal_parts
-from kb.model.problem import Problem
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.attainment import attainable
+from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.each import for_each
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.conditions import And, goal_parts
+from cellwright.kb.model.problem import Problem
 
 DOMAIN = """domain: sorting
 types: {item: object, colour: object}

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, assume, event, given, settings
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines.attainment import IN_ANY_CASE, NO_EVENT, Attainable, attainable
-from engine.pipelines.each import for_each
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
-from kb.model.conditions import And, goal_parts
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines.attainment import IN_ANY_CASE, NO_EVENT, Attainable, attainable
+from cellwright.engine.pipelines.each import for_each
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.conditions import And, goal_parts
+from cellwright.kb.model.problem import Problem
 from tests.engine.pipelines.explanation.test_parts_with_events import DOMAIN
 from tests.properties.test_allowed_chains import reachable
 from tests.properties.test_parts_of_goals import chained

@@ -7,22 +7,22 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.formats.report.gantt import Bar, BarKind, joined
-from engine.formats.report.gantt_svg import chart
-from engine.model.bottleneck import Bottleneck, Share, bottleneck
-from engine.model.forecast import earliest_starts
-from engine.model.schedule import Timetable
-from engine.pipelines import timetable as module
-from engine.pipelines.timetable import keeping, timetable
-from engine.pipelines.timetable.kept import KEPT, LONG
-from engine.stages.scheduling import check_schedule
-from engine.stages.validation import validate
-from kb.asp import ground_term
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.formats.report.gantt import Bar, BarKind, joined
+from cellwright.engine.formats.report.gantt_svg import chart
+from cellwright.engine.model.bottleneck import Bottleneck, Share, bottleneck
+from cellwright.engine.model.forecast import earliest_starts
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.pipelines import timetable as module
+from cellwright.engine.pipelines.timetable import keeping, timetable
+from cellwright.engine.pipelines.timetable.kept import KEPT, LONG
+from cellwright.engine.stages.scheduling import check_schedule
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.asp import ground_term
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 DOMAIN = """
 domain: yard

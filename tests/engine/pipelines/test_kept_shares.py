@@ -5,16 +5,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.outcome import Found
-from engine.pipelines.inspection.progress import News
-from engine.pipelines.objective import sequenced
-from engine.pipelines.parts.keeping import carry_on
-from engine.pipelines.parts.kept_shares import SharedProgress
-from engine.pipelines.planning import problem_of
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.inspection.progress import News
+from cellwright.engine.pipelines.objective import sequenced
+from cellwright.engine.pipelines.parts.keeping import carry_on
+from cellwright.engine.pipelines.parts.kept_shares import SharedProgress
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
 
 
 @pytest.fixture(scope="module")

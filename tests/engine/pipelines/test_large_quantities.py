@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from kb.loader import load_problem
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.kb.loader import load_problem
 
 DOMAIN = """domain: tanks
 types: {tank: object}

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import transform, translation, turned
-from engine.model.fits import Fit, Shape
-from engine.model.ranging import EdgeKind, RangeImage, Window
-from engine.pipelines.dimensions import Asked, dimensions
-from engine.pipelines.dimensions.limbs import without_own_limb
-from engine.stages.fitting.surfaces import fitted
-from engine.stages.vision.edges import edges_of
-from engine.stages.vision.patches import cloud_of
-from engine.stages.vision.ranging import expected, resolved, scanned
-from kb.model.ranging import Ranging
+from cellwright.engine.kernels.rigid import transform, translation, turned
+from cellwright.engine.model.fits import Fit, Shape
+from cellwright.engine.model.ranging import EdgeKind, RangeImage, Window
+from cellwright.engine.pipelines.dimensions import Asked, dimensions
+from cellwright.engine.pipelines.dimensions.limbs import without_own_limb
+from cellwright.engine.stages.fitting.surfaces import fitted
+from cellwright.engine.stages.vision.edges import edges_of
+from cellwright.engine.stages.vision.patches import cloud_of
+from cellwright.engine.stages.vision.ranging import expected, resolved, scanned
+from cellwright.kb.model.ranging import Ranging
 from tests.engine.stages.solids import prism
 
 TOOL = Ranging("laser", 48, 48, float(np.radians(7.3)), 0.3, 5e-5, 0.15, 0.0027, 0.00027)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.barring import barred
-from kb.loader import load_problem
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.barring import barred
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.problem import Problem
 
 DOMAIN = """domain: shaking
 types: {place: object, arm: object, plate: object, lid: plate}

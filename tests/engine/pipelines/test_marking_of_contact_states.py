@@ -2,10 +2,10 @@
 
 import pytest
 
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.planning import problem_of
-from engine.pipelines.task_space.marking import Marking, marking, player_of
-from engine.stages.states.firing import Player
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.task_space.marking import Marking, marking, player_of
+from cellwright.engine.stages.states.firing import Player
 
 pytestmark = pytest.mark.slow  # the net of THEMSE takes some seconds
 

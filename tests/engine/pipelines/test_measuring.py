@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.tables import read_table
-from engine.pipelines.measuring import Expected, Measuring, findings_of
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulator.good_part import GoodPart
-from engine.pipelines.simulator.truth import Truth
-from kb.loader import load
-from kb.model.problem import Problem
-from kb.model.results import Measured
-from kb.syntax import parse
-from kb.terms import Function, Number, Text
+from cellwright.engine.formats.interop.tables import read_table
+from cellwright.engine.pipelines.measuring import Expected, Measuring, findings_of
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulator.good_part import GoodPart
+from cellwright.engine.pipelines.simulator.truth import Truth
+from cellwright.kb.loader import load
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured
+from cellwright.kb.syntax import parse
+from cellwright.kb.terms import Function, Number, Text
 
 DOMAIN = """domain: scales
 types: {tray: object, pan: object}

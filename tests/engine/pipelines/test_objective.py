@@ -8,19 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.forecast import makespan
-from engine.model.outcome import Found
-from engine.model.schedule import Timetable
-from engine.pipelines import makespan as makespans
-from engine.pipelines import objective, planning
-from engine.pipelines.objective import Objective, Order
-from engine.pipelines.timetable import timetable
-from engine.stages.planning import Limits
-from engine.stages.scheduling import check_schedule
-from engine.stages.validation import validate
-from kb.loader import load_problem
-from kb.model.problem import Problem
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.pipelines import makespan as makespans
+from cellwright.engine.pipelines import objective, planning
+from cellwright.engine.pipelines.objective import Objective, Order
+from cellwright.engine.pipelines.timetable import timetable
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.scheduling import check_schedule
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.problem import Problem
 
 PORTERS = """domain: porters
 include: [rules.lp]

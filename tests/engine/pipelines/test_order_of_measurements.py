@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.outcome import Found
-from engine.pipelines import planning
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
 
 TARGET = "bulkhead/twelve_points"
 ACTS = ("put down the ultrasonic probe", "pick up the laser", "go to m6", "put down the laser")

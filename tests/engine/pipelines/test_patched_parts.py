@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.moves import Unmoved
-from engine.model.outcome import Found, Infeasible, Outcome
-from engine.pipelines import objective
-from engine.pipelines.moves.bars import without_blocked
-from engine.pipelines.moves.leaving_out import within_reach
-from engine.pipelines.objective import Run
-from engine.pipelines.parts.patching import patched
-from engine.pipelines.planning import problem_of
-from engine.stages.planning import Limits
-from engine.stages.validation import validate
-from kb.model.plan import Step
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.model.moves import Unmoved
+from cellwright.engine.model.outcome import Found, Infeasible, Outcome
+from cellwright.engine.pipelines import objective
+from cellwright.engine.pipelines.moves.bars import without_blocked
+from cellwright.engine.pipelines.moves.leaving_out import within_reach
+from cellwright.engine.pipelines.objective import Run
+from cellwright.engine.pipelines.parts.patching import patched
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.plan import Step
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,12 @@
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.pipelines import objective
-from engine.pipelines.plan_files import check_plan
-from engine.stages.planning import Limits
-from kb.commands import understand
-from kb.model.plan import Claims
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import objective
+from cellwright.engine.pipelines.plan_files import check_plan
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.commands import understand
+from cellwright.kb.model.plan import Claims
 from tests.kb.commands.test_sentence_sets import CELLS, sentences
 
 EACH = 5  # every fifth sentence is planned

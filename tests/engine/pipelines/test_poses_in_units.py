@@ -5,18 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from engine.pipelines import preparation
-from engine.pipelines.planning import problem_of
-from engine.pipelines.poses.keeping import kept_poses
-from engine.pipelines.preparation import poses
-from engine.pipelines.preparation.results import PreparationJob
-from engine.pipelines.units import crew_of
-from engine.pipelines.units.content import content
-from engine.plugins import geometry_backend
-from engine.stages.planning import Limits
-from kb.loader import find
-from kb.loader.cell import cell_of
-from kb.store.poses import PoseStore
+from cellwright.engine.pipelines import preparation
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.poses.keeping import kept_poses
+from cellwright.engine.pipelines.preparation import poses
+from cellwright.engine.pipelines.preparation.results import PreparationJob
+from cellwright.engine.pipelines.units import crew_of
+from cellwright.engine.pipelines.units.content import content
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.loader import find
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.store.poses import PoseStore
 
 TARGET = "halves/six"
 

@@ -4,11 +4,11 @@ from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import Any
 
-from engine.pipelines.preparation import prepare
-from engine.pipelines.preparation.results import Prepared
-from engine.pipelines.units import Unit
-from engine.stages.planning import Limits
-from kb.stopping import Stopped
+from cellwright.engine.pipelines.preparation import prepare
+from cellwright.engine.pipelines.preparation.results import Prepared
+from cellwright.engine.pipelines.units import Unit
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.stopping import Stopped
 
 
 class CutOff:

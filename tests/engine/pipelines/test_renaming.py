@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.outcome import Found
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.objective import plan
-from engine.pipelines.planning import problem_of
-from engine.pipelines.renaming import in_the_order_said
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Number
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.objective import plan
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.renaming import in_the_order_said
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Number
 
 HEAT = "process {} in the furnace for 15 min"
 

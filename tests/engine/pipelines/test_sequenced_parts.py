@@ -8,18 +8,18 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from engine.formats.report.itinerary import entry
-from engine.formats.report.itinerary import text as shown
-from engine.model.measurements import wanted
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.objective import Objective, Order, plan
-from engine.pipelines.parts import by_sequence
-from engine.pipelines.parts.itinerary import order_of
-from engine.pipelines.planning import problem_of
-from kb.loader import find, load
-from kb.model.problem import Problem
-from kb.terms import Term
+from cellwright.engine.formats.report.itinerary import entry
+from cellwright.engine.formats.report.itinerary import text as shown
+from cellwright.engine.model.measurements import wanted
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.objective import Objective, Order, plan
+from cellwright.engine.pipelines.parts import by_sequence
+from cellwright.engine.pipelines.parts.itinerary import order_of
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.kb.loader import find, load
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Term
 
 
 def text(count: int, seed: int = 1, more: str = "", kinds: str = "") -> str:

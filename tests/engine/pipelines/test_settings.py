@@ -5,13 +5,13 @@ from itertools import pairwise
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from kb.model.plan import Plan
-from kb.model.problem import Chain, Problem
-from kb.terms import Function
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import Function
 
 
 def planned(problem: Problem, limits: Limits = Limits()) -> Plan:

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.inspections import import_file
-from engine.model.outcome import Found
-from engine.model.windows import visits_of
-from engine.pipelines.inspection.demands import Demands, as_facts
-from engine.pipelines.objective import Run, plan
-from engine.pipelines.parts import Shared, shares_of
-from engine.pipelines.planning import problem_of
-from kb.model.problem import Problem
-from kb.terms import Function, Number
+from cellwright.engine.formats.interop.inspections import import_file
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.windows import visits_of
+from cellwright.engine.pipelines.inspection.demands import Demands, as_facts
+from cellwright.engine.pipelines.objective import Run, plan
+from cellwright.engine.pipelines.parts import Shared, shares_of
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Number
 
 WEST, EAST = Function("west"), Function("east")
 

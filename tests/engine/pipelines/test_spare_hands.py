@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.model.schedule import Timetable
-from engine.model.task import Task
-from engine.pipelines.makespan import fastest
-from engine.pipelines.planning import planned, problem_of
-from engine.pipelines.timetable import timed
-from engine.pipelines.timetable.spares import spare_means, with_one_of_each
-from engine.stages.planning import Limits
-from kb.model.plan import Plan
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.makespan import fastest
+from cellwright.engine.pipelines.planning import planned, problem_of
+from cellwright.engine.pipelines.timetable import timed
+from cellwright.engine.pipelines.timetable.spares import spare_means, with_one_of_each
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
 
 DOMAIN = """
 domain: swap

@@ -10,22 +10,22 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.schedule import Timetable
-from engine.pipelines.inspection import partition, tour_problem
-from engine.pipelines.inspection.ways import time_between
-from engine.pipelines.points import with_places
-from engine.pipelines.timetable import keeping, timetable
-from engine.stages.grounding import ground
-from engine.stages.scheduling import check_schedule
-from engine.stages.validation import validate
-from kb.asp import ground_term
-from kb.diagnostics import InvalidInput
-from kb.loader import load_domain, load_problem, with_goals
-from kb.model.domain import Domain, Kind, Predicate
-from kb.model.motion import Motion, distance
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.pipelines.inspection import partition, tour_problem
+from cellwright.engine.pipelines.inspection.ways import time_between
+from cellwright.engine.pipelines.points import with_places
+from cellwright.engine.pipelines.timetable import keeping, timetable
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.scheduling import check_schedule
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.asp import ground_term
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_domain, load_problem, with_goals
+from cellwright.kb.model.domain import Domain, Kind, Predicate
+from cellwright.kb.model.motion import Motion, distance
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term
 
 FEW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 BULKHEAD = load_problem("bulkhead/both_tools").domain

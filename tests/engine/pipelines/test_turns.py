@@ -1,9 +1,9 @@
 """Settings of a workflow are made in their turn where that costs nothing, and where it does, when the plan needs them."""
 
-from engine.model.outcome import Found
-from engine.pipelines import objective, planning
-from engine.pipelines.turns import in_turn
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import objective, planning
+from cellwright.engine.pipelines.turns import in_turn
+from cellwright.kb.model.problem import Problem
 
 
 def operators(problem: Problem) -> list[str]:

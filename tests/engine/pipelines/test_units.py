@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from engine.kernels.cancellation import never
-from engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, crew_of
-from engine.pipelines.units.content import content, require_same
-from engine.pipelines.units.work import one
-from kb.cycles import SELDOM, seldom_searched
-from kb.diagnostics import InvalidInput
-from kb.store.units import UnitStore
+from cellwright.engine.kernels.cancellation import never
+from cellwright.engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, crew_of
+from cellwright.engine.pipelines.units.content import content, require_same
+from cellwright.engine.pipelines.units.work import one
+from cellwright.kb.cycles import SELDOM, seldom_searched
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.units import UnitStore
 
 Job = tuple[str, str]  # what to do, and the folder where it is written down that it was done
 
@@ -162,14 +162,14 @@ def test_an_address_without_a_cluster_is_told_at_once(address: str, said: str) -
 
 def test_what_listens_without_being_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-    monkeypatch.setattr("engine.pipelines.units.cluster.ANSWERED_S", 0.2)
+    monkeypatch.setattr("cellwright.engine.pipelines.units.cluster.ANSWERED_S", 0.2)
     deaf = socket.create_server(("127.0.0.1", 0))
     with deaf, pytest.raises(InvalidInput, match="no scheduler of Dask"):
         crew_of(0, f"127.0.0.1:{deaf.getsockname()[1]}")
 
 
 def test_a_missing_extra_is_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("engine.pipelines.units.cluster.find_spec", lambda _: None)
+    monkeypatch.setattr("cellwright.engine.pipelines.units.cluster.find_spec", lambda _: None)
     with pytest.raises(InvalidInput, match=r"cellwright\[cluster\]"):
         crew_of(1, "127.0.0.1:1")
 

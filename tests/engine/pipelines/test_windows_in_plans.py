@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from engine.formats.report.planned import Made, document
-from engine.formats.report.planned import text as shown
-from engine.model.execution import Record, RecordKind
-from engine.model.outcome import Found
-from engine.model.schedule import Timetable
-from engine.model.tour import Tour, TourProblem, Visit, violations
-from engine.pipelines.inspection.demands import as_facts, of_options
-from engine.pipelines.objective import Order, Run, fastest, plan
-from engine.pipelines.plan_files import unmet
-from engine.pipelines.simulator.injections import Injection
-from engine.pipelines.timetable import timetable
-from engine.stages.planning import Limits
-from engine.stages.sequencing import sequence
-from engine.stages.sequencing.windows import clash
-from kb.diagnostics import InvalidInput
-from kb.model.plan import Claims
-from kb.model.problem import Problem
+from cellwright.engine.formats.report.planned import Made, document
+from cellwright.engine.formats.report.planned import text as shown
+from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.model.tour import Tour, TourProblem, Visit, violations
+from cellwright.engine.pipelines.inspection.demands import as_facts, of_options
+from cellwright.engine.pipelines.objective import Order, Run, fastest, plan
+from cellwright.engine.pipelines.plan_files import unmet
+from cellwright.engine.pipelines.simulator.injections import Injection
+from cellwright.engine.pipelines.timetable import timetable
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.sequencing import sequence
+from cellwright.engine.stages.sequencing.windows import clash
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.plan import Claims
+from cellwright.kb.model.problem import Problem
 from tests.engine.pipelines.execution.cells import executed
 from tests.engine.pipelines.test_sequenced_parts import inspection, text
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
-from engine.model.solid import Solid
-from engine.stages.geometry.shapes.solids import solid, triangulated
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.stages.geometry.shapes.solids import solid, triangulated
 
 Polygon = Sequence[tuple[float, float]]
 

@@ -6,17 +6,17 @@ import random
 import pytest
 from themse_cell import Cell
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.stages.validation import validate
-from engine.stages.validation.semantics import Semantics
-from kb.asp import ground_term
-from kb.asp.vocabulary import VIOLATED
-from kb.commands import understand
-from kb.loader import load_domain, load_problem
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.asp import ground_term
+from cellwright.kb.asp.vocabulary import VIOLATED
+from cellwright.kb.commands import understand
+from cellwright.kb.loader import load_domain, load_problem
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 SENTENCE = (
     "process {} in the furnace for 15 min, cool them down in the freezer for 5 min "

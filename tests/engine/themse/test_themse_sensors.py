@@ -4,15 +4,15 @@ import dataclasses
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.stages.validation.changes import State
-from engine.stages.validation.semantics import Semantics
-from kb.loader import load_domain, load_problem, with_goals
-from kb.model.conditions import And, Literal
-from kb.model.domain import Operator
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.validation.changes import State
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.loader import load_domain, load_problem, with_goals
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.domain import Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 READINGS = {
     "": {"wrist_force": "unloaded", "distance": "clear", "grip_width": "wide_open", "grip_force": "slack"},

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from kb import stopping
-from kb.asp import AspError, Grounder, bounded
-from kb.asp.statics import static_suspects
-from kb.loader import load_problem
+from cellwright.kb import stopping
+from cellwright.kb.asp import AspError, Grounder, bounded
+from cellwright.kb.asp.statics import static_suspects
+from cellwright.kb.loader import load_problem
 
 MUCH = "q(0). q(X+1) :- q(X), X < 500000."  # what is left behind goes on to its end
 

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from kb.asp.excerpt import excerpt
-from kb.asp.statements import ParsedStatement, statements
-from kb.asp.statics import evaluated
-from kb.diagnostics import Source
-from kb.model.conditions import Comparison, Literal, Parameter
-from kb.model.domain import Default, Domain, Effect, Kind, Operator, Predicate, Type
-from kb.model.likeness import names
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Variable
+from cellwright.kb.asp.excerpt import excerpt
+from cellwright.kb.asp.statements import ParsedStatement, statements
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.model.conditions import Comparison, Literal, Parameter
+from cellwright.kb.model.domain import Default, Domain, Effect, Kind, Operator, Predicate, Type
+from cellwright.kb.model.likeness import names
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, Variable
 
 X, Y = Variable("X"), Variable("Y")
 STATICS = {

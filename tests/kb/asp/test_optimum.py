@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kb.asp import AspError
-from kb.asp.optimum import best_models
+from cellwright.kb.asp import AspError
+from cellwright.kb.asp.optimum import best_models
 
 NAMES = "abcde"
 

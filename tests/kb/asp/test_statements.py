@@ -8,14 +8,14 @@ from clingo import ast
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kb.asp.compiled import NotCompilable, compiled
-from kb.asp.statements import ParsedStatement, RefusedStatement, plain_fact, rule, statements
-from kb.asp.tree import Reading
-from kb.diagnostics import NOWHERE
-from kb.files import File
-from kb.model.statement import Constant, PredicateUse, Sign, Statement, derivation
-from kb.syntax import parse
-from kb.terms import Function, Variable
+from cellwright.kb.asp.compiled import NotCompilable, compiled
+from cellwright.kb.asp.statements import ParsedStatement, RefusedStatement, plain_fact, rule, statements
+from cellwright.kb.asp.tree import Reading
+from cellwright.kb.diagnostics import NOWHERE
+from cellwright.kb.files import File
+from cellwright.kb.model.statement import Constant, PredicateUse, Sign, Statement, derivation
+from cellwright.kb.syntax import parse
+from cellwright.kb.terms import Function, Variable
 
 laws = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kb.asp import Grounder
-from kb.asp.statements import ParsedStatement, statements
-from kb.asp.statics import evaluate, evaluated, only_given, static_suspects
-from kb.asp.vocabulary import VIOLATED, static_program
-from kb.diagnostics import Source
-from kb.loader import find, load
-from kb.model.domain import Domain, Kind, Predicate, Type
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number
+from cellwright.kb.asp import Grounder
+from cellwright.kb.asp.statements import ParsedStatement, statements
+from cellwright.kb.asp.statics import evaluate, evaluated, only_given, static_suspects
+from cellwright.kb.asp.vocabulary import VIOLATED, static_program
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.loader import find, load
+from cellwright.kb.model.domain import Domain, Kind, Predicate, Type
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number
 
 TARGETS = ("bulkhead/twelve_points", "themse/one", "bulkhead/both_tools")
 DOMAIN = """domain: shelf

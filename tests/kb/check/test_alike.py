@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.inspections import import_file
-from engine.pipelines.checking import check
-from engine.stages.grounding import ground, reachable_atoms
-from kb.check.alike import EACH, fewer
-from kb.loader import load_problem
+from cellwright.engine.formats.interop.inspections import import_file
+from cellwright.engine.pipelines.checking import check
+from cellwright.engine.stages.grounding import ground, reachable_atoms
+from cellwright.kb.check.alike import EACH, fewer
+from cellwright.kb.loader import load_problem
 
 HEAD = "name,x,y,z,nx,ny,nz,kind,tolerance,bore\n"
 

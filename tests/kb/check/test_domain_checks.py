@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from kb.check import check_domain, unreachable
-from kb.diagnostics import Diagnostic
-from kb.loader import load
-from kb.model.domain import Domain
-from kb.model.problem import Problem
+from cellwright.kb.check import check_domain, unreachable
+from cellwright.kb.diagnostics import Diagnostic
+from cellwright.kb.loader import load
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
 
 FLUENT = """domain: cell
 include: [rules.lp]

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from kb.check.conventions import near_misses
-from kb.loader import load_domain
-from kb.model.conventions import CONVENTIONS, Conventions, Sort
+from cellwright.kb.check.conventions import near_misses
+from cellwright.kb.loader import load_domain
+from cellwright.kb.model.conventions import CONVENTIONS, Conventions, Sort
 from tests.places import BUNDLED, TOP
 
 SECTIONS = {Sort.STATIC: "statics", Sort.FLUENT: "fluents"}

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from engine.pipelines.checking import check
-from kb.diagnostics import Diagnostic, InvalidInput, Source, in_order
-from kb.loader import load
+from cellwright.engine.pipelines.checking import check
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, in_order
+from cellwright.kb.loader import load
 
 CELL = Path(__file__).parents[2] / "data" / "K314_crowded"
 GIVEN_BACK = "  - when: not at(Item, Place)\n    implies: free(Place)\n"

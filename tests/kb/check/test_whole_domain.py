@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from engine.authoring.starter import create
-from engine.pipelines import checking, planning
-from kb.diagnostics import InvalidInput
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.pipelines import checking, planning
+from cellwright.kb.diagnostics import InvalidInput
 
 
 @pytest.fixture

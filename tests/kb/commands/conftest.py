@@ -2,8 +2,8 @@
 
 import pytest
 
-from kb.loader import load_domain
-from kb.model.domain import Domain
+from cellwright.kb.loader import load_domain
+from cellwright.kb.model.domain import Domain
 
 
 @pytest.fixture(scope="session")

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from test_command_sentences import printed
 
-from kb.commands import check_phrases, understand
-from kb.diagnostics import InvalidInput
-from kb.loader import load_domain
-from kb.model.domain import Domain
+from cellwright.kb.commands import check_phrases, understand
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_domain
+from cellwright.kb.model.domain import Domain
 
 PAGE = (Path(__file__).parents[3] / "docs" / "commands.md").read_text("utf-8")
 BLOCKS = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
@@ -36,7 +36,7 @@ def test_there_are_examples() -> None:
 
 
 def test_the_page_names_every_code_of_commands() -> None:
-    from kb.diagnostics import CODES
+    from cellwright.kb.diagnostics import CODES
 
     assert {code for code in CODES if code.startswith("K6")} == set(
         re.findall(r"^\| (K6\d\d) ", PAGE, re.MULTILINE)

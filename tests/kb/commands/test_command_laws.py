@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kb.commands import understand
-from kb.commands.patterns import Word, expansions
-from kb.commands.phrases import meanings
-from kb.commands.sentence import book_of
-from kb.commands.vocabulary import Vocabulary
-from kb.diagnostics import InvalidInput
-from kb.loader import load_domain
-from kb.model.problem import Problem
-from kb.terms import Number
+from cellwright.kb.commands import understand
+from cellwright.kb.commands.patterns import Word, expansions
+from cellwright.kb.commands.phrases import meanings
+from cellwright.kb.commands.sentence import book_of
+from cellwright.kb.commands.vocabulary import Vocabulary
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_domain
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Number
 
 unhurried = settings(deadline=None, max_examples=25)
 

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from kb.commands.ambiguity import unclear_words
-from kb.commands.patterns import PatternError, Slot, Word, expansions, read_pattern, readable
-from kb.diagnostics import InvalidInput
-from kb.loader import load, load_problem
+from cellwright.kb.commands.ambiguity import unclear_words
+from cellwright.kb.commands.patterns import PatternError, Slot, Word, expansions, read_pattern, readable
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load, load_problem
 
 DOMAIN = """\
 domain: shelf

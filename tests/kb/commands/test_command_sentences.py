@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from kb.commands import understand
-from kb.diagnostics import InvalidInput
-from kb.loader import load_domain, load_problem
-from kb.model.domain import Domain
-from kb.model.problem import Problem
+from cellwright.kb.commands import understand
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_domain, load_problem
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
 
 GOOD = {
     "the_sentence_of_themse": "process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for "

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from kb.commands import understand
-from kb.commands.spelling import parts
-from kb.diagnostics import InvalidInput
-from kb.loader import load_domain
-from kb.model.domain import Domain
+from cellwright.kb.commands import understand
+from cellwright.kb.commands.spelling import parts
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_domain
+from cellwright.kb.model.domain import Domain
 
 DOMAIN = """domain: wells
 types: {probe: object, machine: object}

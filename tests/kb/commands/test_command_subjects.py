@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from kb.commands import understand
-from kb.loader import load_domain
-from kb.model.domain import Domain
-from kb.model.problem import Chain
+from cellwright.kb.commands import understand
+from cellwright.kb.loader import load_domain
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Chain
 
 DOMAIN = """domain: cell
 types: {part: object, box: object, setting: object}

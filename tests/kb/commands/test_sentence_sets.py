@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from kb.commands import understand
-from kb.diagnostics import InvalidInput
-from kb.loader import bundled, load_domain, load_problem
-from kb.model.domain import Domain
-from kb.model.problem import Problem
+from cellwright.kb.commands import understand
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import bundled, load_domain, load_problem
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.problem import Problem
 
 SETS = Path(__file__).parent / "golden" / "sets"
 CAPPING = Path(__file__).parents[2] / "domains" / "capping" / "problems" / "three.yaml"

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from test_names_in_files import LABORATORY, index_of
 
-from kb.check import check_domain
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.editing.changing import NotRenamed, renamed
-from kb.editing.fixes import fixes
-from kb.editing.index import FileIndex, Index
-from kb.loader import load, problem_files
-from kb.loader.faults import load_faults
+from cellwright.kb.check import check_domain
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.editing.changing import NotRenamed, renamed
+from cellwright.kb.editing.fixes import fixes
+from cellwright.kb.editing.index import FileIndex, Index
+from cellwright.kb.loader import load, problem_files
+from cellwright.kb.loader.faults import load_faults
 
 RENAMED = [
     ("accessible(place)", "reachable", "predicate"),
@@ -140,7 +140,7 @@ def test_an_unknown_predicate_is_declared_as_it_is_used(cell: Path) -> None:
 
 
 def test_a_finding_beyond_the_text_has_no_fix() -> None:
-    from kb.diagnostics import Source
+    from cellwright.kb.diagnostics import Source
 
     file = FileIndex.of("domain.yaml", "domain: d\n")
     finding = Diagnostic(Source("domain.yaml", 90, 3), "K101", "unknown type 'x'", "did you mean 'y'?")

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from test_names_in_files import LABORATORY, index_of
 
-from kb.editing.completing import completions
-from kb.editing.context import context
-from kb.editing.describing import Known, description
-from kb.editing.index import FileIndex, Index
+from cellwright.kb.editing.completing import completions
+from cellwright.kb.editing.context import context
+from cellwright.kb.editing.describing import Known, description
+from cellwright.kb.editing.index import FileIndex, Index
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
-from kb.editing.index import FileIndex, Index, Symbol
-from kb.editing.tokens import mentions
-from kb.loader import load
-from kb.loader.tolerant import pieces, tree_of
-from kb.targets import BUNDLED
+from cellwright.kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
+from cellwright.kb.editing.index import FileIndex, Index, Symbol
+from cellwright.kb.editing.tokens import mentions
+from cellwright.kb.loader import load
+from cellwright.kb.loader.tolerant import pieces, tree_of
+from cellwright.kb.targets import BUNDLED
 
 LABORATORY = Path(__file__).with_name("laboratory")  # declares all of its names itself
 
@@ -123,8 +123,8 @@ def test_atoms_are_told_from_terms_by_their_place(text: str, atoms: list[str], t
 
 @pytest.mark.parametrize("name", DOMAINS)
 def test_the_pieces_of_a_sound_file_hold_all_that_the_strict_reader_reads(name: str) -> None:
-    from kb.files import File
-    from kb.loader.tree import read_tree
+    from cellwright.kb.files import File
+    from cellwright.kb.loader.tree import read_tree
 
     for path in [*(BUNDLED / name).glob("*.yaml"), *(BUNDLED / name).glob("problems/*.yaml")]:
         text, found = path.read_text(), dict[str, object]()

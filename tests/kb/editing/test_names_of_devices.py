@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from kb.editing.changing import NotRenamed, renamed
-from kb.editing.completing import completions
-from kb.editing.describing import Known, description
-from kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
-from kb.editing.index import FileIndex, Index, Symbol
-from kb.loader import load
-from kb.targets import BUNDLED
+from cellwright.kb.editing.changing import NotRenamed, renamed
+from cellwright.kb.editing.completing import completions
+from cellwright.kb.editing.describing import Known, description
+from cellwright.kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
+from cellwright.kb.editing.index import FileIndex, Index, Symbol
+from cellwright.kb.loader import load
+from cellwright.kb.targets import BUNDLED
 
 DOMAIN = """domain: cell
 use:

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from kb.editing.shapes import KINDS, Shape
-from kb.schema import keys_at
+from cellwright.kb.editing.shapes import KINDS, Shape
+from cellwright.kb.schema import keys_at
 
 Path = tuple[str | int, ...]
 UNNAMED = {

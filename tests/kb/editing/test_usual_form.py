@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.asp.statements import printed
-from kb.diagnostics import InvalidInput
-from kb.editing.layout import formatted
-from kb.editing.spacing import same_but_for_spaces, spaced, spaced_rules
-from kb.editing.tokens import tokens
-from kb.files import reading
-from kb.loader import load, problem_files
-from kb.targets import BUNDLED
+from cellwright.kb.asp.statements import printed
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.editing.layout import formatted
+from cellwright.kb.editing.spacing import same_but_for_spaces, spaced, spaced_rules
+from cellwright.kb.editing.tokens import tokens
+from cellwright.kb.files import reading
+from cellwright.kb.loader import load, problem_files
+from cellwright.kb.targets import BUNDLED
 
 FILES = [
     path

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File
-from kb.loader import load
-from kb.loader.faults import load_faults
-from kb.loader.uses import all_devices
-from kb.loader.uses.filling import filled
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File
+from cellwright.kb.loader import load
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.loader.uses import all_devices
+from cellwright.kb.loader.uses.filling import filled
 
 SHAKER = """\
 device: shaker

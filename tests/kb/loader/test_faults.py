@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.check.faults import check_faults
-from kb.diagnostics import InvalidInput
-from kb.loader import bundled
-from kb.loader.faults import load_faults
-from kb.model.faults import FaultModel
-from kb.terms import Function, Variable
+from cellwright.kb.check.faults import check_faults
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import bundled
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.terms import Function, Variable
 
 DOMAIN = """domain: press
 types: {plate: object}

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from kb.diagnostics import InvalidInput
-from kb.loader.cell import load_cell
-from kb.model.cell import Sight
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.model.cell import Sight
 
 CELL = """
 cell: lab

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from kb.model.conformity import COVERAGE, Conformity, conformity, share_within
+from cellwright.kb.model.conformity import COVERAGE, Conformity, conformity, share_within
 
 NUMBERS = st.floats(-1e3, 1e3)
 SIGMAS = st.floats(1e-2, 1e2)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kb.model.octuples import (
+from cellwright.kb.model.octuples import (
     NotAnOctuple,
     Octuple,
     Quadruple,

@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.stages.validation import validate
-from kb.model.conditions import TRUE
-from kb.model.domain import Domain, Effect, Kind, Operator, Predicate
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Chain, Problem
-from kb.model.workflow import (
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.conditions import TRUE
+from cellwright.kb.model.domain import Domain, Effect, Kind, Operator, Predicate
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.workflow import (
     Listed,
     advanced,
     begun,
@@ -20,7 +20,7 @@ from kb.model.workflow import (
     next_stages,
     reaches,
 )
-from kb.terms import ANYTHING, Function
+from cellwright.kb.terms import ANYTHING, Function
 
 BAKED, COOLED, SHUT = Function("baked"), Function("cooled"), Function("shut")
 FIRST = Chain("first", (BAKED, COOLED), subject=Function("tray"))

@@ -2,10 +2,10 @@
 
 from hypothesis import strategies as st
 
-from kb.model.conditions import Comparison, Literal, Parameter
-from kb.model.macro import MacroChain, Macrop, MacroPart, MacroStep
-from kb.model.plan import CausalLink, StepId
-from kb.terms import Function, Number, Operation, Term, Text, Variable
+from cellwright.kb.model.conditions import Comparison, Literal, Parameter
+from cellwright.kb.model.macro import MacroChain, Macrop, MacroPart, MacroStep
+from cellwright.kb.model.plan import CausalLink, StepId
+from cellwright.kb.terms import Function, Number, Operation, Term, Text, Variable
 
 names = st.sampled_from(["at", "holding", "m1", "free", "x_2", "_where_ab12"])
 variable_names = st.sampled_from(["Arm1", "X", "Place_2", "_Any1__0", "W1"])

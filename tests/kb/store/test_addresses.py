@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from kb.diagnostics import InvalidInput
-from kb.store.engines import address
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.engines import address
 
 ODD = [
     "", " ", "sqlite://", "sqlite:///", "sqlite:///a.db?mode=ro", "sqlite:///%00", "a\nb.db", "a\x00.db", "://",
@@ -30,7 +30,7 @@ def test_files_are_taken(name: str) -> None:
 
 def test_a_connection_that_cannot_be_closed_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     program = (
-        "import logging; from kb.store.engines import connected; connected('postgresql://me@nowhere/db');"
+        "import logging; from cellwright.kb.store.engines import connected; connected('postgresql://me@nowhere/db');"
         "logging.getLogger('sqlalchemy.pool.impl.QueuePool').error('Exception terminating connection')"
     )
     subprocess.run([sys.executable, "-c", program], check=True, cwd=Path(__file__).parents[3])

@@ -12,9 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.stores_damage import read_everything, spoil
-from engine.faces.cli import app
-from kb.diagnostics import InvalidInput
-from kb.store.checking import tables
+from cellwright.engine.faces.cli import app
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.checking import tables
 
 COMMANDS = [
     ["macros", "list"],
@@ -49,8 +49,8 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _closed(file: Path) -> None:
-    from kb.store.cases import Cases, ClosedCase
-    from kb.store.engines import connected
+    from cellwright.kb.store.cases import Cases, ClosedCase
+    from cellwright.kb.store.engines import connected
 
     with Cases(str(file)) as cases:
         cases.add([ClosedCase("bulkhead", "lost", ("slipped",), 1.0, (("look", "seen"),))] * 3)

@@ -7,11 +7,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from macrops import macrop, macrops, parts, terms
 
-from kb.model.conditions import BodyPart
-from kb.model.macro import Macrop
-from kb.store import NotationError, document, dumps, loads
-from kb.store.notation import read_part, read_term
-from kb.terms import Term
+from cellwright.kb.model.conditions import BodyPart
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.store import NotationError, document, dumps, loads
+from cellwright.kb.store.notation import read_part, read_term
+from cellwright.kb.terms import Term
 
 
 @given(terms)

@@ -12,14 +12,14 @@ from macrops import macrop
 from sqlalchemy import Connection, Engine, event
 
 from benchmarks.store_content import knowledge
-from engine.pipelines.preparation import prepare
-from engine.pipelines.units import crew_of
-from engine.stages.planning import Limits
-from kb.store import Library, Record, Use
-from kb.store.draft import Draft
-from kb.store.engines import transaction
-from kb.store.units import UnitStore
-from kb.store.utilities import Utility
+from cellwright.engine.pipelines.preparation import prepare
+from cellwright.engine.pipelines.units import crew_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.store import Library, Record, Use
+from cellwright.kb.store.draft import Draft
+from cellwright.kb.store.engines import transaction
+from cellwright.kb.store.units import UnitStore
+from cellwright.kb.store.utilities import Utility
 
 THEMSE = Path(__file__).parents[3] / "domains" / "themse"
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from kb.diagnostics import InvalidInput
-from kb.store.journal import Journal, JournalFailure, Line
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.journal import Journal, JournalFailure, Line
 
 
 def lines(first: int, count: int) -> list[Line]:

@@ -14,10 +14,10 @@ from macrops import macrop
 from sqlalchemy import text
 
 from benchmarks.postgres import emptied
-from kb.diagnostics import InvalidInput
-from kb.store import Library, Record, Use
-from kb.store import schema as tables
-from kb.store.engines import connected, transaction
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store import Library, Record, Use
+from cellwright.kb.store import schema as tables
+from cellwright.kb.store.engines import connected, transaction
 
 
 def record(name: str, domain: str = "bulkhead", planning_s: float = 0.0, **depends: str) -> Record:
@@ -124,7 +124,7 @@ def test_a_library_of_the_first_schema_is_brought_up_to_date(target: str) -> Non
         tables.metadata.create_all(connection, [tables.versions])
         tables.MIGRATIONS[0](connection)
         connection.execute(tables.versions.insert().values(version=1))
-        from kb.store import dumps
+        from cellwright.kb.store import dumps
 
         text = dumps(macrop("go"))
         old = dict(domain="bulkhead", signature="go/0", name="go", steps=1, document=text)

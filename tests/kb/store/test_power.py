@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from kb.diagnostics import InvalidInput
-from kb.store import Library
-from kb.store.checking import checked
-from kb.store.engines import OutOfReach
-from kb.store.journal import Journal
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store import Library
+from cellwright.kb.store.checking import checked
+from cellwright.kb.store.engines import OutOfReach
+from cellwright.kb.store.journal import Journal
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 pytestmark = pytest.mark.skipif(
@@ -26,8 +26,8 @@ pytestmark = pytest.mark.skipif(
 WRITER = """
 import sys
 from pathlib import Path
-from kb.store.cases import Cases, ClosedCase
-from kb.store.journal import Journal, Line
+from cellwright.kb.store.cases import Cases, ClosedCase
+from cellwright.kb.store.journal import Journal, Line
 folder = Path(sys.argv[1])
 acks = open(folder / "acks", "ab", buffering=0)
 with Journal(str(folder / "j.db")) as journal, Cases(str(folder / "j.db")) as cases:
@@ -115,7 +115,7 @@ def test_a_full_disk_does_not_take_the_answer_with_it(disk: str, tmp_path: Path,
     folder.mkdir()
     words = [
         "-m",
-        "engine.faces.cli",
+        "cellwright.engine.faces.cli",
         "plan",
         "bulkhead/one_point",
         "--store",

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from macrops import macrop
 
-from kb.diagnostics import InvalidInput
-from kb.store import Library, Record, Use
-from kb.store.engines import connected, transaction
-from kb.store.schema import versions
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store import Library, Record, Use
+from cellwright.kb.store.engines import connected, transaction
+from cellwright.kb.store.schema import versions
 
 NOBODY = 65534
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from kb.diagnostics import InvalidInput
-from kb.store import Library
-from kb.store.cases import Cases, ClosedCase
-from kb.store.engines import connected, transaction
-from kb.store.schema import sequences as table
-from kb.store.sequences import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store import Library
+from cellwright.kb.store.cases import Cases, ClosedCase
+from cellwright.kb.store.engines import connected, transaction
+from cellwright.kb.store.schema import sequences as table
+from cellwright.kb.store.sequences import PlannedVisit, SequencePlan, Sequences
 
 PLAN = SequencePlan(
     "bulkhead",

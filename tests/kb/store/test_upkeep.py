@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from macrops import macrop
 
-from kb.diagnostics import InvalidInput
-from kb.store import Library, Record, Use
-from kb.store.cases import Cases, ClosedCase
-from kb.store.checking import checked
-from kb.store.copying import back_up, migrate, restore
-from kb.store.engines import connected, transaction
-from kb.store.journal import Journal, Line, lines
-from kb.store.poses import PoseStore
-from kb.store.schema import macrops, outlines, shared
-from kb.store.sequences import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store import Library, Record, Use
+from cellwright.kb.store.cases import Cases, ClosedCase
+from cellwright.kb.store.checking import checked
+from cellwright.kb.store.copying import back_up, migrate, restore
+from cellwright.kb.store.engines import connected, transaction
+from cellwright.kb.store.journal import Journal, Line, lines
+from cellwright.kb.store.poses import PoseStore
+from cellwright.kb.store.schema import macrops, outlines, shared
+from cellwright.kb.store.sequences import PlannedVisit, SequencePlan, Sequences
 
 
 def fill(target: str) -> None:

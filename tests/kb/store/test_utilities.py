@@ -4,10 +4,10 @@ from multiprocessing.context import BaseContext
 
 from macrops import macrop
 
-from kb.store import Library, Record
-from kb.store import schema as tables
-from kb.store.engines import connected, transaction
-from kb.store.utilities import RARELY, Utility
+from cellwright.kb.store import Library, Record
+from cellwright.kb.store import schema as tables
+from cellwright.kb.store.engines import connected, transaction
+from cellwright.kb.store.utilities import RARELY, Utility
 
 ONE = Utility(1, 1, 1, 10, 4)
 

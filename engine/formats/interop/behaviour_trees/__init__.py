@@ -8,10 +8,10 @@ blackboard say that the steps it waits for are done; a parallel asks a part that
 from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
-from engine.formats.interop.behaviour_trees.structure import Beside, Part, Series, structure
-from kb.model.domain import Domain, Operator
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Term, substitute
+from cellwright.engine.formats.interop.behaviour_trees.structure import Beside, Part, Series, structure
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Term, substitute
 
 RESERVED = ("ID", "name")  # attributes that every node has
 MAIN = "Plan"

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from kb.model.plan import Plan, StepId
+from cellwright.kb.model.plan import Plan, StepId
 
 DEEPEST = 50  # nested deeper, parts wait for each other instead
 

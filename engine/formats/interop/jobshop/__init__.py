@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from engine.model.shop import Job, Resource, Shop, Stage, in_order
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import read_file
-from kb.json_text import parsed
-from kb.numbers import NumberError, whole
+from cellwright.engine.model.shop import Job, Resource, Shop, Stage, in_order
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.files import read_file
+from cellwright.kb.json_text import parsed
+from cellwright.kb.numbers import NumberError, whole
 
 LONGEST = 10**9  # time units, and also the largest number of a machine
 Rows = Sequence[Sequence[tuple[int, int]]]  # per job: machine and duration of each stage

@@ -10,17 +10,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.formats.interop.pddl.conditions import ConditionReader
-from engine.formats.interop.pddl.domain import DomainReader
-from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word, read_document
-from engine.formats.interop.pddl.functions import FunctionReader, Functions, applied
-from engine.formats.interop.pddl.names import NameMapping
-from engine.formats.interop.pddl.polynomials import LARGEST, Unreadable, number_of
-from engine.formats.interop.pddl.scope import typed
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.model.conditions import TRUE, Condition
-from kb.model.problem import Problem
-from kb.terms import Atom
+from cellwright.engine.formats.interop.pddl.conditions import ConditionReader
+from cellwright.engine.formats.interop.pddl.domain import DomainReader
+from cellwright.engine.formats.interop.pddl.expressions import (
+    Document,
+    Expression,
+    Group,
+    Word,
+    read_document,
+)
+from cellwright.engine.formats.interop.pddl.functions import FunctionReader, Functions, applied
+from cellwright.engine.formats.interop.pddl.names import NameMapping
+from cellwright.engine.formats.interop.pddl.polynomials import LARGEST, Unreadable, number_of
+from cellwright.engine.formats.interop.pddl.scope import typed
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.model.conditions import TRUE, Condition
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)

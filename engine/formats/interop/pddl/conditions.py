@@ -2,16 +2,27 @@
 
 from collections.abc import Iterator, Mapping
 
-from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
-from engine.formats.interop.pddl.functions import CHANGES, Functions, applied
-from engine.formats.interop.pddl.numbers import NumberReader
-from engine.formats.interop.pddl.polynomials import ARITHMETIC, Unreadable, number_of
-from engine.formats.interop.pddl.scope import Scope
-from kb.diagnostics import nearest
-from kb.model.conditions import TRUE, And, Comparison, Condition, Exists, ForAll, Literal, Not, Or, Parameter
-from kb.model.domain import OBJECT, Effect
-from kb.model.normalise import NEGATED
-from kb.terms import Atom, Function, Term, Variable
+from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
+from cellwright.engine.formats.interop.pddl.functions import CHANGES, Functions, applied
+from cellwright.engine.formats.interop.pddl.numbers import NumberReader
+from cellwright.engine.formats.interop.pddl.polynomials import ARITHMETIC, Unreadable, number_of
+from cellwright.engine.formats.interop.pddl.scope import Scope
+from cellwright.kb.diagnostics import nearest
+from cellwright.kb.model.conditions import (
+    TRUE,
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+)
+from cellwright.kb.model.domain import OBJECT, Effect
+from cellwright.kb.model.normalise import NEGATED
+from cellwright.kb.terms import Atom, Function, Term, Variable
 
 COMPARISONS = ("<", ">", "<=", ">=")
 TEMPORAL = {

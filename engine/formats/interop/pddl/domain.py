@@ -3,15 +3,25 @@
 import functools
 from collections.abc import Iterator, Sequence
 
-from engine.formats.interop.pddl.conditions import ConditionReader
-from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
-from engine.formats.interop.pddl.functions import Functions
-from engine.formats.interop.pddl.numbers import bindings
-from engine.formats.interop.pddl.scope import Scope, typed
-from kb.model.conditions import TRUE, And, Condition, Literal, Parameter
-from kb.model.domain import BUILT_IN_TYPES, OBJECT, Domain, Kind, Operator, Predicate, Quantity, Rule, Type
-from kb.model.normalise import Normaliser
-from kb.terms import Function
+from cellwright.engine.formats.interop.pddl.conditions import ConditionReader
+from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
+from cellwright.engine.formats.interop.pddl.functions import Functions
+from cellwright.engine.formats.interop.pddl.numbers import bindings
+from cellwright.engine.formats.interop.pddl.scope import Scope, typed
+from cellwright.kb.model.conditions import TRUE, And, Condition, Literal, Parameter
+from cellwright.kb.model.domain import (
+    BUILT_IN_TYPES,
+    OBJECT,
+    Domain,
+    Kind,
+    Operator,
+    Predicate,
+    Quantity,
+    Rule,
+    Type,
+)
+from cellwright.kb.model.normalise import Normaliser
+from cellwright.kb.terms import Function
 
 SECTIONS = (
     "domain", ":requirements", ":types", ":constants", ":predicates", ":functions", ":action", ":derived",

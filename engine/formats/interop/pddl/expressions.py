@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, read_file
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, read_file
 
 _TOKEN = re.compile(r";[^\n]*|[()]|[^\s();]+")
 MAX_DEPTH = 200

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from engine.formats.interop.pddl.export import PddlText, export, import_plan
-from engine.stages.grounding import ground
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import read_file
-from kb.model.plan import Plan
-from kb.model.problem import Problem
+from cellwright.engine.formats.interop.pddl.export import PddlText, export, import_plan
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import read_file
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
 
 DOMAIN, PROBLEM = "domain.pddl", "problem.pddl"
 SIGNATURE = "; written by cellwright export pddl"

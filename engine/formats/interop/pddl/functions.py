@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from math import lcm
 
-from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
-from engine.formats.interop.pddl.polynomials import (
+from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
+from cellwright.engine.formats.interop.pddl.polynomials import (
     Growth,
     Polynomial,
     Unreadable,

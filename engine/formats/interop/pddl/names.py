@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
-from kb.terms import Variable
+from cellwright.kb.terms import Variable
 
 RESERVED = {"not", "object", "int", "time", "text"}
 

@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from engine.formats.interop.pddl.expressions import Document, Expression, Group
-from engine.formats.interop.pddl.functions import Functions, NumericEffect, numeric_effects
-from engine.formats.interop.pddl.names import NameMapping
-from engine.formats.interop.pddl.polynomials import LARGEST, Polynomial, Unreadable, polynomial
-from kb.model.conditions import TRUE, And, Comparison, Condition, Exists, Literal, Parameter
-from kb.model.domain import Effect, Quantity
-from kb.model.quantities import apart, change, replaced, some, valued
-from kb.terms import Atom, Function, Number, Operation, Term, Variable, variables
+from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group
+from cellwright.engine.formats.interop.pddl.functions import Functions, NumericEffect, numeric_effects
+from cellwright.engine.formats.interop.pddl.names import NameMapping
+from cellwright.engine.formats.interop.pddl.polynomials import LARGEST, Polynomial, Unreadable, polynomial
+from cellwright.kb.model.conditions import TRUE, And, Comparison, Condition, Exists, Literal, Parameter
+from cellwright.kb.model.domain import Effect, Quantity
+from cellwright.kb.model.quantities import apart, change, replaced, some, valued
+from cellwright.kb.terms import Atom, Function, Number, Operation, Term, Variable, variables
 
 Exact = Polynomial[Function]
 Read = Callable[[Group], Function]

@@ -4,16 +4,16 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-from engine.formats.interop.pddl import PddlProblem
-from engine.formats.interop.pddl.expressions import actions
-from kb.diagnostics import Diagnostic, InvalidInput, nearest
-from kb.files import File, read_file
-from kb.loader.amounts import amounts_of
-from kb.model.conditions import Literal
-from kb.model.domain import NUMERIC_TYPES, Operator
-from kb.model.plan import Plan, Step, StepId
-from kb.model.traits import step_of
-from kb.terms import Function, Number, Term, Variable, match, substitute_atom
+from cellwright.engine.formats.interop.pddl import PddlProblem
+from cellwright.engine.formats.interop.pddl.expressions import actions
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, nearest
+from cellwright.kb.files import File, read_file
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.domain import NUMERIC_TYPES, Operator
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.traits import step_of
+from cellwright.kb.terms import Function, Number, Term, Variable, match, substitute_atom
 
 
 def write_plan(task: PddlProblem, plan: Plan) -> str:

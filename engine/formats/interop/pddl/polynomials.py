@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from typing import Generic, NamedTuple, TypeVar
 
-from engine.formats.interop.pddl.expressions import Expression, Group, Word
+from cellwright.engine.formats.interop.pddl.expressions import Expression, Group, Word
 
 Key = TypeVar("Key")
 FINEST = 10**6  # parts into which a unit may be divided

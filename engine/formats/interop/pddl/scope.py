@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
-from engine.formats.interop.pddl.names import NameMapping
-from kb.diagnostics import nearest
-from kb.model.conditions import Parameter
-from kb.model.domain import OBJECT, Type
-from kb.model.statement import Statement, derivation
-from kb.terms import Function, Variable
+from cellwright.engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
+from cellwright.engine.formats.interop.pddl.names import NameMapping
+from cellwright.kb.diagnostics import nearest
+from cellwright.kb.model.conditions import Parameter
+from cellwright.kb.model.domain import OBJECT, Type
+from cellwright.kb.model.statement import Statement, derivation
+from cellwright.kb.terms import Function, Variable
 
 
 @dataclass

@@ -4,15 +4,15 @@ In a symmetric net, a place of the net by contact class holds the tokens of its 
 for every number of tokens that it moves. That a place must be emptied when its cluster is taken away cannot be said there.
 """
 
-from engine.formats.interop.pnml.reading import read_pnml
-from engine.formats.interop.pnml.writing import write_pnml
-from engine.model.task_space import Net
+from cellwright.engine.formats.interop.pnml.reading import read_pnml
+from cellwright.engine.formats.interop.pnml.writing import write_pnml
+from cellwright.engine.model.task_space import Net
 
 __all__ = ["read_pnml", "write_pnml", "written"]
 
 
 def written(net: Net, coloured: bool) -> str:
     """A net of contact states as PNML: as a symmetric net, or as a place/transition net with a place for each cluster."""
-    from engine.formats.interop.pnml.nets import symmetric, unfolded
+    from cellwright.engine.formats.interop.pnml.nets import symmetric, unfolded
 
     return write_pnml(symmetric(net) if coloured else unfolded(net))

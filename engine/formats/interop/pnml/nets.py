@@ -3,8 +3,8 @@
 from collections import Counter
 from collections.abc import Iterator
 
-from engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
-from engine.model.task_space import Net, Place, Transition
+from cellwright.engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
+from cellwright.engine.model.task_space import Net, Place, Transition
 
 
 def unfolded(net: Net) -> PetriNet:

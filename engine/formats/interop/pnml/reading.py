@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from engine.formats.interop.pnml.writing import COLOURED, PLAIN, TYPES
-from engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, read_file
-from kb.loader.xml import Element, read_xml
-from kb.numbers import DIGITS, NumberError, whole
+from cellwright.engine.formats.interop.pnml.writing import COLOURED, PLAIN, TYPES
+from cellwright.engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, read_file
+from cellwright.kb.loader.xml import Element, read_xml
+from cellwright.kb.numbers import DIGITS, NumberError, whole
 
 MOST_TOKENS = 10**9
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
-from engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
+from cellwright.engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
 
 GRAMMAR = "http://www.pnml.org/version-2009/grammar"
 PLAIN, COLOURED = f"{GRAMMAR}/ptnet", f"{GRAMMAR}/symmetricnet"

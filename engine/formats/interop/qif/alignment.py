@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from engine.formats.interop.qif.document import Element
+from cellwright.engine.formats.interop.qif.document import Element
 
 STEPS = {"PRIMARY": 1, "SECONDARY": 2, "TERTIARY": 3, "QUATERNARY": 4, "QUINARY": 5, "SENARY": 6}
 LATER = 7  # precedence of another name

@@ -7,7 +7,7 @@ the number of points on each cross-section, as their text says.
 
 import math
 
-from engine.model.measurement import Feature
+from cellwright.engine.model.measurement import Feature
 
 INCH = 0.0254
 DIAMETER_POINTS = ((0.001, 32), (0.002, 24), (0.005, 18), (0.010, 12), (0.020, 8), (0.040, 5))

@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.formats.interop.qif.document import Element, wrong
-from engine.formats.interop.qif.reading import Reading, is_true
-from engine.kernels.arrays import Floats
+from cellwright.engine.formats.interop.qif.document import Element, wrong
+from cellwright.engine.formats.interop.qif.reading import Reading, is_true
+from cellwright.engine.kernels.arrays import Floats
 
 TURN = 256  # points on a full circle: a chord is at most 0.00008 radii away from its arc
 BESIDE = 1e-2  # of the size of a curve: the end of an edge that is farther away does not trim it

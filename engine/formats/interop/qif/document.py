@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, read_file
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, read_file
 
 MAX_DEPTH = 60
 MAX_ELEMENTS = 2_000_000

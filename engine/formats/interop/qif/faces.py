@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.formats.interop.qif.curves import chain, core_of, trimmed
-from engine.formats.interop.qif.document import Element
-from engine.formats.interop.qif.loops import Loop, bounds, dense
-from engine.formats.interop.qif.parametric import Surface, moved
-from engine.formats.interop.qif.reading import Reading, is_true
-from engine.formats.interop.qif.regions import inside, rows
-from engine.formats.interop.qif.surfaces import surface
-from engine.kernels.arrays import Floats, Truths
+from cellwright.engine.formats.interop.qif.curves import chain, core_of, trimmed
+from cellwright.engine.formats.interop.qif.document import Element
+from cellwright.engine.formats.interop.qif.loops import Loop, bounds, dense
+from cellwright.engine.formats.interop.qif.parametric import Surface, moved
+from cellwright.engine.formats.interop.qif.reading import Reading, is_true
+from cellwright.engine.formats.interop.qif.regions import inside, rows
+from cellwright.engine.formats.interop.qif.surfaces import surface
+from cellwright.engine.kernels.arrays import Floats, Truths
 
 AGREEMENT = 2e-3  # how far a curve may lie from its edge, as a share of the size of the face
 FINE = 400  # places along the longest extent of a face, by which distances to edges are told

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from engine.formats.interop.qif.document import Element, read_document, wrong
-from engine.formats.interop.qif.reading import Reading
-from engine.model.measurement import Feature
-from kb.diagnostics import InvalidInput, Source, unknown_name
+from cellwright.engine.formats.interop.qif.document import Element, read_document, wrong
+from cellwright.engine.formats.interop.qif.reading import Reading
+from cellwright.engine.model.measurement import Feature
+from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
 
 LENGTHS = (
     "Diameter",

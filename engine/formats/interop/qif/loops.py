@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.formats.interop.qif.parametric import Surface
-from engine.kernels.arrays import Floats, Longs
+from cellwright.engine.formats.interop.qif.parametric import Surface
+from cellwright.engine.kernels.arrays import Floats, Longs
 
 NEAR = 1e-3  # of a period: gaps this near to whole periods are seams
 PARTS = 16

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.formats.interop.qif.faces import Face
-from engine.formats.interop.qif.regions import spread
-from engine.kernels.arrays import Floats, Truths
+from cellwright.engine.formats.interop.qif.faces import Face
+from cellwright.engine.formats.interop.qif.regions import spread
+from cellwright.engine.kernels.arrays import Floats, Truths
 
 Placed = list[tuple[Floats, Floats]]  # positions and normals
 SHARE = 0.16  # of the way from the edges to the middle: how far points stay away if nobody says it

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.kernels.arrays import Floats
+from cellwright.engine.kernels.arrays import Floats
 
 Span = tuple[float, float]
 Map = Callable[[Floats], Floats]

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.formats.interop.qif.counts import curve_points, surface_points
-from engine.formats.interop.qif.faces import Face, Product
-from engine.formats.interop.qif.material import ROWS, Placed, Pool, chosen, on_material, pool
-from engine.kernels.arrays import Floats
-from engine.model.measurement import Feature
+from cellwright.engine.formats.interop.qif.counts import curve_points, surface_points
+from cellwright.engine.formats.interop.qif.faces import Face, Product
+from cellwright.engine.formats.interop.qif.material import ROWS, Placed, Pool, chosen, on_material, pool
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.measurement import Feature
 
 CURVES = frozenset(
     {"Line", "Circle", "CircularArc", "Ellipse", "EllipticalArc", "OtherCurve", "PointDefinedCurve"}

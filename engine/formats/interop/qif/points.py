@@ -12,18 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.formats.interop.qif.alignment import alignment_steps
-from engine.formats.interop.qif.counts import curve_points, section_points, surface_points
-from engine.formats.interop.qif.document import read_document
-from engine.formats.interop.qif.faces import Product
-from engine.formats.interop.qif.features import features_of
-from engine.formats.interop.qif.material import Placed
-from engine.formats.interop.qif.parts import Part, Placement
-from engine.formats.interop.qif.points_read import Asked, points_asked
-from engine.formats.interop.qif.reading import Reading
-from engine.formats.interop.qif.regions import rows, spread
-from engine.kernels.arrays import Floats
-from engine.model.measurement import Excluded, Feature, Inspection, MeasurementPoint, Triple
+from cellwright.engine.formats.interop.qif.alignment import alignment_steps
+from cellwright.engine.formats.interop.qif.counts import curve_points, section_points, surface_points
+from cellwright.engine.formats.interop.qif.document import read_document
+from cellwright.engine.formats.interop.qif.faces import Product
+from cellwright.engine.formats.interop.qif.features import features_of
+from cellwright.engine.formats.interop.qif.material import Placed
+from cellwright.engine.formats.interop.qif.parts import Part, Placement
+from cellwright.engine.formats.interop.qif.points_read import Asked, points_asked
+from cellwright.engine.formats.interop.qif.reading import Reading
+from cellwright.engine.formats.interop.qif.regions import rows, spread
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.measurement import Excluded, Feature, Inspection, MeasurementPoint, Triple
 
 MARGIN = 0.08  # distance of a plane's points from its bounding box, as a share of its extent
 ROWS = 24

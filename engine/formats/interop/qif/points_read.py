@@ -4,10 +4,10 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from engine.formats.interop.qif.document import Element
-from engine.formats.interop.qif.points_written import BORE, KINDS
-from engine.formats.interop.qif.reading import Reading
-from engine.formats.interop.tables import NAME
+from cellwright.engine.formats.interop.qif.document import Element
+from cellwright.engine.formats.interop.qif.points_written import BORE, KINDS
+from cellwright.engine.formats.interop.qif.reading import Reading
+from cellwright.engine.formats.interop.tables import NAME
 
 CHARACTERISTICS = {name: kind for kind, name in KINDS.items()}
 

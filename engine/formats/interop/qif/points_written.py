@@ -8,7 +8,7 @@ import uuid
 from collections.abc import Iterable, Sequence
 from xml.etree.ElementTree import Element, SubElement
 
-from engine.formats.interop.qif.writing import (
+from cellwright.engine.formats.interop.qif.writing import (
     attributed,
     document,
     linear_unit,
@@ -17,7 +17,7 @@ from engine.formats.interop.qif.writing import (
     text_of,
     under,
 )
-from engine.model.measurement import MeasurementPoint, Triple
+from cellwright.engine.model.measurement import MeasurementPoint, Triple
 
 KINDS = {
     "profile": "SurfaceProfile",

@@ -5,12 +5,12 @@ import binascii
 
 import numpy as np
 
-from engine.formats.interop.qif.document import Element, wrong
-from engine.kernels.arrays import Floats
-from engine.model.measurement import Triple
-from kb.diagnostics import Source
-from kb.files import File
-from kb.numbers import NumberError, decimal
+from cellwright.engine.formats.interop.qif.document import Element, wrong
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.measurement import Triple
+from cellwright.kb.diagnostics import Source
+from cellwright.kb.files import File
+from cellwright.kb.numbers import NumberError, decimal
 
 UNITS_M = {
     "mm": 1e-3,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Truths
+from cellwright.engine.kernels.arrays import Floats, Truths
 
 CHUNK = 4_000_000  # pairs of points and sides looked at together
 

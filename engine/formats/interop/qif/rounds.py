@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.formats.interop.qif.document import Element, wrong
-from engine.formats.interop.qif.parametric import Span, Surface, unit
-from engine.formats.interop.qif.reading import Reading, is_true
-from engine.kernels.arrays import Floats
+from cellwright.engine.formats.interop.qif.document import Element, wrong
+from cellwright.engine.formats.interop.qif.parametric import Span, Surface, unit
+from cellwright.engine.formats.interop.qif.reading import Reading, is_true
+from cellwright.engine.kernels.arrays import Floats
 
 TURN = 2 * np.pi
 

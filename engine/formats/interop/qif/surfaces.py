@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.formats.interop.qif.curves import basis_of, chain, core_of, require_knots, weights_of
-from engine.formats.interop.qif.document import Element, wrong
-from engine.formats.interop.qif.parametric import Span, Surface, unit
-from engine.formats.interop.qif.reading import Reading, is_true
-from engine.formats.interop.qif.rounds import AXIS, TURN, cone, cylinder, sphere, torus
-from engine.kernels.arrays import Floats
+from cellwright.engine.formats.interop.qif.curves import basis_of, chain, core_of, require_knots, weights_of
+from cellwright.engine.formats.interop.qif.document import Element, wrong
+from cellwright.engine.formats.interop.qif.parametric import Span, Surface, unit
+from cellwright.engine.formats.interop.qif.reading import Reading, is_true
+from cellwright.engine.formats.interop.qif.rounds import AXIS, TURN, cone, cylinder, sphere, torus
+from cellwright.engine.kernels.arrays import Floats
 
 
 def surface(element: Element, reading: Reading) -> Surface | None:

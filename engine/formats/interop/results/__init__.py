@@ -2,11 +2,11 @@
 
 from enum import StrEnum
 
-from engine.formats.interop.results.notation import read_json, written_json
-from engine.formats.interop.results.qif import written_qif
-from engine.formats.interop.results.qif_reading import read_qif
-from engine.formats.interop.results.tables import read_csv, written_csv
-from kb.model.results import Results
+from cellwright.engine.formats.interop.results.notation import read_json, written_json
+from cellwright.engine.formats.interop.results.qif import written_qif
+from cellwright.engine.formats.interop.results.qif_reading import read_qif
+from cellwright.engine.formats.interop.results.tables import read_csv, written_csv
+from cellwright.kb.model.results import Results
 
 
 class ResultForm(StrEnum):

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from kb.model.results import Measured
+from cellwright.kb.model.results import Measured
 
 LENGTHS = ("m", "cm", "mm", "um", "nm", "in")
 

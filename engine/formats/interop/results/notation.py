@@ -4,9 +4,9 @@ import json
 import sys
 from typing import Any
 
-from kb.json_text import parsed
-from kb.model.results import Measured, Results, Treated
-from kb.numbers import is_number
+from cellwright.kb.json_text import parsed
+from cellwright.kb.model.results import Measured, Results, Treated
+from cellwright.kb.numbers import is_number
 
 VERSION = 1
 KEYS = (

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from datetime import datetime, timedelta
 from xml.etree.ElementTree import Element, SubElement
 
-from engine.formats.interop.qif.writing import (
+from cellwright.engine.formats.interop.qif.writing import (
     METRES,
     attributed,
     document,
@@ -19,9 +19,9 @@ from engine.formats.interop.qif.writing import (
     text_of,
     under,
 )
-from engine.formats.interop.results.demands import Demand, demand_of, kind_of
-from kb.model.conformity import COVERAGE, Conformity
-from kb.model.results import Measured, Results
+from cellwright.engine.formats.interop.results.demands import Demand, demand_of, kind_of
+from cellwright.kb.model.conformity import COVERAGE, Conformity
+from cellwright.kb.model.results import Measured, Results
 
 STATUS = {True: "PASS", False: "FAIL", None: "NOT_ANALYZED"}
 SHOWN = {

@@ -8,8 +8,8 @@ import re
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from kb.model.results import Measured, Results
-from kb.numbers import finite, whole
+from cellwright.kb.model.results import Measured, Results
+from cellwright.kb.numbers import finite, whole
 
 SPACE = "{http://qifstandards.org/xsd/qif3}"
 KIND = "CharacteristicMeasurement"

@@ -4,8 +4,8 @@ import csv
 import io
 from collections.abc import Mapping
 
-from kb.model.results import Measured, Results
-from kb.numbers import finite, whole
+from cellwright.kb.model.results import Measured, Results
+from cellwright.kb.numbers import finite, whole
 
 TEXTS = ("of", "quantity", "unit", "tool", "action")
 LIMITS, SURENESS = ("nominal", "lower", "upper"), ("uncertainty", "risk")

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.model.shop import Job, Moment, Resource, Shop, Stage, Window
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import read_file
-from kb.numbers import DIGITS, NumberError, whole
+from cellwright.engine.model.shop import Job, Moment, Resource, Shop, Stage, Window
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.files import read_file
+from cellwright.kb.numbers import DIGITS, NumberError, whole
 
 TABLES = {"machines": 3, "operations": 4, "dependency": 3, "tcmb": 6}
 POINTS = ("start", "end")

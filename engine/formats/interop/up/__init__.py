@@ -1,24 +1,24 @@
 """The engine for unified-planning, with our stages behind it.
 
-get_environment().factory.add_engine("cellwright", "engine.formats.interop.up", "CellwrightEngine")
+get_environment().factory.add_engine("cellwright", "cellwright.engine.formats.interop.up", "CellwrightEngine")
 """
 
 from collections.abc import Callable
 from typing import Any
 
-from engine.formats.interop.up.engine import StageFunctions, UpEngine
-from engine.kernels.cancellation import Interrupted
-from engine.model.outcome import Infeasible, Outcome
-from engine.pipelines import planning
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.optimum import proved
-from engine.pipelines.orders import every_order
-from engine.pipelines.revision import Course, revise
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.formats.interop.up.engine import StageFunctions, UpEngine
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.model.outcome import Infeasible, Outcome
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.optimum import proved
+from cellwright.engine.pipelines.orders import every_order
+from cellwright.engine.pipelines.revision import Course, revise
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 
 def _plan(

@@ -8,8 +8,8 @@ from threading import Event, Thread
 from unified_planning.engines import PlanGenerationResultStatus as Status
 from unified_planning.engines.results import PlanGenerationResult
 
-from engine.kernels.cancellation import Interrupted, never
-from kb.model.plan import Plan
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.kb.model.plan import Plan
 
 Solve = Callable[[Interrupted, Callable[[PlanGenerationResult], None]], PlanGenerationResult]
 

@@ -11,8 +11,8 @@ from itertools import count
 from unified_planning import model as up
 from unified_planning.model import FNode, OperatorKind
 
-from engine.formats.interop.pddl.names import NameMapping
-from kb.model.conditions import (
+from cellwright.engine.formats.interop.pddl.names import NameMapping
+from cellwright.kb.model.conditions import (
     TRUE,
     And,
     Comparison,
@@ -23,7 +23,7 @@ from kb.model.conditions import (
     Or,
     Parameter,
 )
-from kb.terms import Atom, Function, Term, Variable
+from cellwright.kb.terms import Atom, Function, Term, Variable
 
 FALSE = Or(())
 

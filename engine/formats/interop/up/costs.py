@@ -9,7 +9,7 @@ from math import lcm
 from unified_planning import model as up
 from unified_planning.model.walkers import Simplifier
 
-from engine.formats.interop.up.conditions import Unsupported
+from cellwright.engine.formats.interop.up.conditions import Unsupported
 
 Row = tuple[str, ...]  # names of objects
 

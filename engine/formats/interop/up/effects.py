@@ -6,11 +6,21 @@ from itertools import combinations_with_replacement
 
 from unified_planning import model as up
 
-from engine.formats.interop.up.conditions import ConditionTranslator, Locals, Unsupported
-from kb.model.bindings import bind
-from kb.model.conditions import TRUE, And, Comparison, Condition, Exists, Literal, Not, Parameter, goal_parts
-from kb.model.domain import Effect
-from kb.terms import Atom, Function, Term, Variable, substitute, substitute_atom
+from cellwright.engine.formats.interop.up.conditions import ConditionTranslator, Locals, Unsupported
+from cellwright.kb.model.bindings import bind
+from cellwright.kb.model.conditions import (
+    TRUE,
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    Literal,
+    Not,
+    Parameter,
+    goal_parts,
+)
+from cellwright.kb.model.domain import Effect
+from cellwright.kb.terms import Atom, Function, Term, Variable, substitute, substitute_atom
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,20 +18,20 @@ from unified_planning.exceptions import UPUsageError
 from unified_planning.plans import Plan as UpPlan
 from unified_planning.plans import PlanKind
 
-from engine.formats.interop.up.anytime import cheaper, streamed, until
-from engine.formats.interop.up.conditions import Unsupported
-from engine.formats.interop.up.kind import SUPPORTED
-from engine.formats.interop.up.plans import instance_of, partially_ordered, read, sequential
-from engine.formats.interop.up.problem import Translated, translated
-from engine.formats.interop.up.replanner import ChangingProblem
-from engine.formats.interop.up.validation import judged
-from engine.kernels.cancellation import Interrupted
-from engine.model.order import Verdict
-from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
-from kb.diagnostics import InvalidInput
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.formats.interop.up.anytime import cheaper, streamed, until
+from cellwright.engine.formats.interop.up.conditions import Unsupported
+from cellwright.engine.formats.interop.up.kind import SUPPORTED
+from cellwright.engine.formats.interop.up.plans import instance_of, partially_ordered, read, sequential
+from cellwright.engine.formats.interop.up.problem import Translated, translated
+from cellwright.engine.formats.interop.up.replanner import ChangingProblem
+from cellwright.engine.formats.interop.up.validation import judged
+from cellwright.engine.kernels.cancellation import Interrupted
+from cellwright.engine.model.order import Verdict
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible, Outcome
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 LIMITS = {"time": Status.TIMEOUT, "memory": Status.MEMOUT}
 

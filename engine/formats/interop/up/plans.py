@@ -5,11 +5,11 @@ from unified_planning import model as up
 from unified_planning.plans import ActionInstance, PartialOrderPlan, SequentialPlan
 from unified_planning.plans import Plan as UpPlan
 
-from engine.formats.interop.up.problem import Translated
-from kb.loader.amounts import amounts_of
-from kb.model.plan import Plan, StepId
-from kb.model.traits import step_of
-from kb.terms import Function, Number, Term
+from cellwright.engine.formats.interop.up.problem import Translated
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.traits import step_of
+from cellwright.kb.terms import Function, Number, Term
 
 
 def instance_of(problem: Translated, operator: Function) -> ActionInstance:

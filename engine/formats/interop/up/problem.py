@@ -7,14 +7,14 @@ from itertools import product
 from unified_planning import model as up
 from unified_planning.model.fluent import get_all_fluent_exp
 
-from engine.formats.interop.pddl.names import NameMapping
-from engine.formats.interop.up.conditions import ConditionTranslator, Locals, Unsupported
-from engine.formats.interop.up.costs import Costs, costs
-from engine.formats.interop.up.effects import EffectTranslator
-from kb.model.conditions import And, Body, Literal, Parameter
-from kb.model.domain import OBJECT, Domain, Kind, Operator, Predicate, Type
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Term, Variable
+from cellwright.engine.formats.interop.pddl.names import NameMapping
+from cellwright.engine.formats.interop.up.conditions import ConditionTranslator, Locals, Unsupported
+from cellwright.engine.formats.interop.up.costs import Costs, costs
+from cellwright.engine.formats.interop.up.effects import EffectTranslator
+from cellwright.kb.model.conditions import And, Body, Literal, Parameter
+from cellwright.kb.model.domain import OBJECT, Domain, Kind, Operator, Predicate, Type
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, Term, Variable
 
 COST = Variable("Cost__")
 

@@ -6,8 +6,8 @@ from unified_planning.engines import LogLevel, LogMessage, ValidationResultStatu
 from unified_planning.engines.results import FailedValidationReason, ValidationResult
 from unified_planning.plans import ActionInstance
 
-from engine.formats.interop.up.problem import Translated
-from engine.model.order import Counterexample, Verdict
+from cellwright.engine.formats.interop.up.problem import Translated
+from cellwright.engine.model.order import Counterexample, Verdict
 
 STATUS = {
     True: ValidationResultStatus.VALID,

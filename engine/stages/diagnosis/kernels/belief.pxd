@@ -1,8 +1,8 @@
 # The types with which Cython compiles belief.py. That file says what they mean.
 import cython
-from engine.kernels.cancellation cimport Poll
-from engine.stages.diagnosis.kernels.memo cimport Keys, Memo
-from engine.stages.diagnosis.kernels.ranking cimport Ranking
+from cellwright.engine.kernels.cancellation cimport Poll
+from cellwright.engine.stages.diagnosis.kernels.memo cimport Keys, Memo
+from cellwright.engine.stages.diagnosis.kernels.ranking cimport Ranking
 
 cdef double inf
 

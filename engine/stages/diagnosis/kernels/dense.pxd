@@ -1,7 +1,7 @@
 # The types with which Cython compiles dense.py. That file says what they mean.
 import cython
-from engine.kernels.cancellation cimport Poll
-from engine.stages.diagnosis.kernels.belief cimport Beliefs, Trail, stop
+from cellwright.engine.kernels.cancellation cimport Poll
+from cellwright.engine.stages.diagnosis.kernels.belief cimport Beliefs, Trail, stop
 
 @cython.final
 cdef class States:

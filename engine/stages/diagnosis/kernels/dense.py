@@ -8,9 +8,9 @@ action only makes the number larger, so one downward pass reaches every successo
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, real, whole
-from engine.kernels.cancellation import Poll
-from engine.stages.diagnosis.kernels.belief import Beliefs, Trail, stop
+from cellwright.engine.kernels.arrays import Floats, Longs, real, whole
+from cellwright.engine.kernels.cancellation import Poll
+from cellwright.engine.stages.diagnosis.kernels.belief import Beliefs, Trail, stop
 
 
 class States:

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from engine.kernels.arrays import real, whole
+from cellwright.engine.kernels.arrays import real, whole
 
 WORD = 0xFFFFFFFFFFFFFFFF
 FIRST, THIRD = 0x9E3779B97F4A7C15, 0x94D049BB133111EB

@@ -10,10 +10,10 @@ from math import inf
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths, Words, real, whole
-from engine.kernels.cancellation import Poll
-from engine.stages.diagnosis.kernels.memo import Keys, Memo
-from engine.stages.diagnosis.kernels.ranking import Ranking
+from cellwright.engine.kernels.arrays import Floats, Longs, Truths, Words, real, whole
+from cellwright.engine.kernels.cancellation import Poll
+from cellwright.engine.stages.diagnosis.kernels.memo import Keys, Memo
+from cellwright.engine.stages.diagnosis.kernels.ranking import Ranking
 
 
 class Partition:

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from engine.kernels.arrays import real, whole
+from cellwright.engine.kernels.arrays import real, whole
 
 
 class Ranking:

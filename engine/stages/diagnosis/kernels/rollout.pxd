@@ -1,8 +1,8 @@
 # The types with which Cython compiles rollout.py. That file says what they mean.
 import cython
 cimport libc.math as math
-from engine.stages.diagnosis.kernels.belief cimport Beliefs, Trail, is_done, situation_of, stop, tells
-from engine.stages.diagnosis.kernels.memo cimport Memo
+from cellwright.engine.stages.diagnosis.kernels.belief cimport Beliefs, Trail, is_done, situation_of, stop, tells
+from cellwright.engine.stages.diagnosis.kernels.memo cimport Memo
 
 cdef double inf
 cdef int GAIN, PAIRS, CURES, MILD

@@ -13,9 +13,16 @@ from math import inf
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, real, whole
-from engine.stages.diagnosis.kernels.belief import Beliefs, Trail, is_done, situation_of, stop, tells
-from engine.stages.diagnosis.kernels.memo import Memo
+from cellwright.engine.kernels.arrays import Floats, Longs, real, whole
+from cellwright.engine.stages.diagnosis.kernels.belief import (
+    Beliefs,
+    Trail,
+    is_done,
+    situation_of,
+    stop,
+    tells,
+)
+from cellwright.engine.stages.diagnosis.kernels.memo import Memo
 
 Bases = tuple[Memo, Memo, Memo]
 

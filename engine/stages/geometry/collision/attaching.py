@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.kernels.geometry.layout import Pieces
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Longs, Piece, Scene, Truths
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.shapes.packing import bound, joined, pack
+from cellwright.engine.kernels.geometry.layout import Pieces
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Longs, Piece, Scene, Truths
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.shapes.packing import bound, joined, pack
 
 Names = frozenset[frozenset[str]]
 NOTHING: Names = frozenset()

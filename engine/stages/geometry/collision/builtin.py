@@ -4,15 +4,27 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.geometry.checks import first_contacts
-from engine.kernels.geometry.layout import Pairs, Pieces
-from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
-from engine.ports import CollisionChecker
-from engine.stages.geometry.collision.carriers import batch, checked_poses, is_finite, only, pose_batch, split
-from engine.stages.geometry.collision.likelihood import SAMPLES, likeliest_first, sampled, touchable
-from engine.stages.geometry.shapes.contacts import nearest_of_bodies
-from engine.stages.geometry.shapes.packing import bounded, grouped
-from engine.stages.geometry.stretches import in_stretches
+from cellwright.engine.kernels.geometry.checks import first_contacts
+from cellwright.engine.kernels.geometry.layout import Pairs, Pieces
+from cellwright.engine.model.geometry import Contact, Floats, Longs, Scene, Truths
+from cellwright.engine.ports import CollisionChecker
+from cellwright.engine.stages.geometry.collision.carriers import (
+    batch,
+    checked_poses,
+    is_finite,
+    only,
+    pose_batch,
+    split,
+)
+from cellwright.engine.stages.geometry.collision.likelihood import (
+    SAMPLES,
+    likeliest_first,
+    sampled,
+    touchable,
+)
+from cellwright.engine.stages.geometry.shapes.contacts import nearest_of_bodies
+from cellwright.engine.stages.geometry.shapes.packing import bounded, grouped
+from cellwright.engine.stages.geometry.stretches import in_stretches
 
 MANY = 100  # standing pieces: beyond it, walking down a tree beats comparing every pair
 
@@ -109,7 +121,7 @@ class BuiltinChecker:
 
     def _nearest(self, where: Floats, beyond_m: float) -> tuple[Floats, Longs, Floats]:
         """The least signed distance below `beyond_m` (n,), its pair (n,) or -1, and its points and normal (n, 9)."""
-        from engine.kernels.geometry.checks import nearest_pairs
+        from cellwright.engine.kernels.geometry.checks import nearest_pairs
 
         n = len(where)
         distance, pair, witness = np.empty(n), np.empty(n, dtype=np.int64), np.empty((n, 9))
@@ -124,7 +136,7 @@ class BuiltinChecker:
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
-        from engine.kernels.geometry.checks import near_pairs
+        from cellwright.engine.kernels.geometry.checks import near_pairs
 
         pairs = self._pairs.pairs
         distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
@@ -157,6 +169,8 @@ class BuiltinBackend:
         standing = sum(piece.carrier == 0 for piece in scene.pieces)
         if standing <= MANY:
             return BuiltinChecker(scene)
-        from engine.stages.geometry.collision.region_checker import RegionChecker  # trees take long to load
+        from cellwright.engine.stages.geometry.collision.region_checker import (
+            RegionChecker,  # trees take long to load
+        )
 
         return RegionChecker(scene)

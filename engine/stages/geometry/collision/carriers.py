@@ -5,8 +5,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from engine.kernels.geometry.mechanism import Mechanism, place_batch
-from engine.model.geometry import Floats, Joints, Scene, Truths
+from cellwright.engine.kernels.geometry.mechanism import Mechanism, place_batch
+from cellwright.engine.model.geometry import Floats, Joints, Scene, Truths
 
 
 def pose_batch(scene: Scene, where: Floats) -> Floats:

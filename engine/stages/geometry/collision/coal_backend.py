@@ -3,11 +3,11 @@
 import coal
 import numpy as np
 
-from engine.model.geometry import Contact, Floats, Piece, Scene, Truths
-from engine.stages.geometry.collision.carriers import only, split
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.shapes.contacts import nearest_of_bodies
-from engine.stages.geometry.shapes.primitives import length_of, primitive_frame, refuse_rounded
+from cellwright.engine.model.geometry import Contact, Floats, Piece, Scene, Truths
+from cellwright.engine.stages.geometry.collision.carriers import only, split
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.shapes.contacts import nearest_of_bodies
+from cellwright.engine.stages.geometry.shapes.primitives import length_of, primitive_frame, refuse_rounded
 
 
 def _geometry(piece: Piece) -> "coal.CollisionGeometry":

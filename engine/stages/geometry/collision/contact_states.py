@@ -12,18 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats
-from engine.plugins import geometry_backend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import free_scene_of
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.cell import load_cell
-from kb.model.cell import WORLD, BodyKind
-from kb.model.contacts import ConditionKind, ContactModel, PermanentContact, describes
-from kb.model.octuples import Octuple, Quadruple
-from kb.targets import CELL_FILE
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import free_scene_of
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.model.cell import WORLD, BodyKind
+from cellwright.kb.model.contacts import ConditionKind, ContactModel, PermanentContact, describes
+from cellwright.kb.model.octuples import Octuple, Quadruple
+from cellwright.kb.targets import CELL_FILE
 
 TOLERANCE_M = 0.001  # what touches is not yet in the way
 
@@ -78,7 +78,7 @@ class CollisionOfContacts:
 
     def _candidates(self, lock: Quadruple) -> Iterator[Octuple]:
         """A contact at a lock for each class of objects that has a key for it."""
-        from kb.model.contacts import class_of
+        from cellwright.kb.model.contacts import class_of
 
         seen = set()
         for instance, kind in self.model.objects.items():

@@ -9,10 +9,10 @@ from itertools import product
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Joints, Longs, Piece, Scene, Truths
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Joints, Longs, Piece, Scene, Truths
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
 
 COVER = "the box around the hand"
 SAMPLES = 33  # places between start and goal at which the box is measured; it grows by what moves in between

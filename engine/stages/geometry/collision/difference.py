@@ -9,7 +9,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from engine.model.geometry import Longs, Piece, Scene
+from cellwright.engine.model.geometry import Longs, Piece, Scene
 
 
 def differing(before: Scene, after: Scene) -> Scene | None:

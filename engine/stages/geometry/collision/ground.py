@@ -7,18 +7,18 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.geometry.edges import Edges
-from engine.kernels.geometry.lanes import Narrow
-from engine.kernels.geometry.layout import Pairs, Pieces
-from engine.kernels.geometry.mechanism import Mechanism
-from engine.kernels.geometry.proof import Proof
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Contact, Floats, Joints, Piece, Scene, Truths
-from engine.ports import CollisionChecker, MotionGround
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.covering import covered
-from engine.stages.geometry.collision.difference import differing
-from engine.stages.geometry.shapes.packing import bounded, grouped
+from cellwright.engine.kernels.geometry.edges import Edges
+from cellwright.engine.kernels.geometry.lanes import Narrow
+from cellwright.engine.kernels.geometry.layout import Pairs, Pieces
+from cellwright.engine.kernels.geometry.mechanism import Mechanism
+from cellwright.engine.kernels.geometry.proof import Proof
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Contact, Floats, Joints, Piece, Scene, Truths
+from cellwright.engine.ports import CollisionChecker, MotionGround
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.covering import covered
+from cellwright.engine.stages.geometry.collision.difference import differing
+from cellwright.engine.stages.geometry.shapes.packing import bounded, grouped
 
 ON_AXIS_M = 1e-10  # a point that is nearer to an axis lies on it
 

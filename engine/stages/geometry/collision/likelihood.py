@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from engine.kernels.geometry.layout import AXES, BALL, HALF, RADIUS, Pairs, Pieces
-from engine.model.geometry import Floats, Joints, Longs, Scene, Truths
+from cellwright.engine.kernels.geometry.layout import AXES, BALL, HALF, RADIUS, Pairs, Pieces
+from cellwright.engine.model.geometry import Floats, Joints, Longs, Scene, Truths
 
 SAMPLES = 512
 MOST_TRIED = 16  # pairs that are tried before a walk down a tree
@@ -75,7 +75,7 @@ def sampled(joints: Joints) -> Floats:
 
 def likeliest_first(poses: Floats, pieces: Pieces, pairs: Pairs) -> Pairs:
     """The pairs with the groups first that touch most often in carrier poses (n, k + 1, 3, 4)."""
-    from engine.kernels.geometry.checks import count_hits
+    from cellwright.engine.kernels.geometry.checks import count_hits
 
     hits = np.zeros(len(pairs.groups), dtype=np.int64)
     count_hits(poses, pieces, pairs, hits)

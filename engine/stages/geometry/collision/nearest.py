@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from engine.model.geometry import Contact, Floats
-from engine.ports import CollisionChecker
-from engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.model.geometry import Contact, Floats
+from cellwright.engine.ports import CollisionChecker
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
 
 
 def nearest(checker: CollisionChecker, where: Floats, beyond_m: float = 1.0) -> tuple[Contact | None, ...]:

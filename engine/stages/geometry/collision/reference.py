@@ -5,8 +5,8 @@ This is slow and meant to be obviously right. The compiled kernels are tested ag
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
 
 
 def signed_distance(first: Floats, second: Floats) -> float:

@@ -9,11 +9,11 @@ from itertools import groupby
 
 import numpy as np
 
-from engine.kernels.geometry.hierarchy import Hierarchy
-from engine.kernels.geometry.layout import Pairs, Pieces
-from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
-from engine.stages.geometry.collision.carriers import checked_poses, only, pose_batch, split
-from engine.stages.geometry.collision.likelihood import (
+from cellwright.engine.kernels.geometry.hierarchy import Hierarchy
+from cellwright.engine.kernels.geometry.layout import Pairs, Pieces
+from cellwright.engine.model.geometry import Contact, Floats, Longs, Scene, Truths
+from cellwright.engine.stages.geometry.collision.carriers import checked_poses, only, pose_batch, split
+from cellwright.engine.stages.geometry.collision.likelihood import (
     SAMPLES,
     likeliest_first,
     reachable,
@@ -21,12 +21,12 @@ from engine.stages.geometry.collision.likelihood import (
     settling,
     touchable,
 )
-from engine.stages.geometry.regions.hierarchies import nested_boxes
-from engine.stages.geometry.regions.index import hierarchy_over
-from engine.stages.geometry.regions.tree import RegionTree
-from engine.stages.geometry.shapes.contacts import nearest_of_bodies
-from engine.stages.geometry.shapes.packing import bounded, chosen, grouped, pack
-from engine.stages.geometry.stretches import in_stretches
+from cellwright.engine.stages.geometry.regions.hierarchies import nested_boxes
+from cellwright.engine.stages.geometry.regions.index import hierarchy_over
+from cellwright.engine.stages.geometry.regions.tree import RegionTree
+from cellwright.engine.stages.geometry.shapes.contacts import nearest_of_bodies
+from cellwright.engine.stages.geometry.shapes.packing import bounded, chosen, grouped, pack
+from cellwright.engine.stages.geometry.stretches import in_stretches
 
 FREE = np.full((4, 2), -1, dtype=np.int64)  # places for what has just touched
 FEW = 40  # standing pieces within reach: pairs of so few are compared in less time than a walk takes
@@ -66,7 +66,7 @@ class RegionChecker:
     @cached_property
     def _likely(self) -> Longs:
         """What is tried first in a large batch; before one it is worth finding out what touches most often."""
-        from engine.kernels.geometry.sampling import all_hits
+        from cellwright.engine.kernels.geometry.sampling import all_hits
 
         standing, hierarchy, skip = self._near
         poses = pose_batch(self._scene, sampled(self._scene.joints))
@@ -103,7 +103,7 @@ class RegionChecker:
 
     def collides(self, where: Floats) -> Truths:
         """Whether any pair touches (n,)."""
-        from engine.kernels.geometry.regions import first_hits
+        from cellwright.engine.kernels.geometry.regions import first_hits
 
         where, endless = split(self._scene, where)
         if len(where) > SAMPLES and self._pairwise is not None:
@@ -122,7 +122,7 @@ class RegionChecker:
 
     def _by_pairs(self, where: Floats, pieces: Pieces, pairs: Pairs) -> Truths:
         """`collides` for a checked batch, by comparing pairs."""
-        from engine.kernels.geometry.checks import first_contacts
+        from cellwright.engine.kernels.geometry.checks import first_contacts
 
         first = np.empty(len(where), dtype=np.int64)
 
@@ -135,7 +135,7 @@ class RegionChecker:
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), at most `beyond_m`."""
-        from engine.kernels.geometry.regions import nearest_hits
+        from cellwright.engine.kernels.geometry.regions import nearest_hits
 
         where, endless = split(self._scene, where)
         pieces, hierarchy = self.tree.pieces, self.tree.hierarchy
@@ -160,7 +160,7 @@ class RegionChecker:
         return nearest_of_bodies(found)
 
     def _among_moving(self, poses: Floats, within_m: float) -> list[Contact]:
-        from engine.kernels.geometry.checks import near_pairs
+        from cellwright.engine.kernels.geometry.checks import near_pairs
 
         distance, witness = np.empty(len(self._pairs)), np.empty((len(self._pairs), 9))
         near_pairs(poses, self._pieces, self._pairs, float(within_m), distance, witness)

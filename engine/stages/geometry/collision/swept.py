@@ -4,13 +4,13 @@ from collections.abc import Collection
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Scene
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.carriers import pose_batch
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import pieces_of
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Scene
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.carriers import pose_batch
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import pieces_of
 
 STRETCH_M = 0.05  # of a path: so far, at most, anything moves between two looks
 

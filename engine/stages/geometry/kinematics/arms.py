@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Joints, Truths
-from engine.stages.geometry import transforms
-from kb.model.cell import Arm, JointKind
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Joints, Truths
+from cellwright.engine.stages.geometry import transforms
+from cellwright.kb.model.cell import Arm, JointKind
 
 
 def joints_of(arm: Arm) -> Joints:

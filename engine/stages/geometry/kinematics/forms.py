@@ -6,9 +6,9 @@ from enum import Enum
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm, solved
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
+from cellwright.engine.kernels.linear import matmul, norm, solved
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
 
 NEAR = 1e-9  # metres, or sines: axes that miss each other by less meet, or are parallel
 PROBED = 0.7  # rad: a form must hold for this value of a joint, and for the negative one

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.geometry import inverse
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Truths
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
-from engine.stages.geometry.kinematics.forms import PROBED, Form, Solver, form_of, held, holdable
-from engine.stages.geometry.kinematics.search import EXACT, missed, polished, pose_error, searched
-from engine.stages.geometry.stretches import in_stretches
+from cellwright.engine.kernels.geometry import inverse
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
+from cellwright.engine.stages.geometry.kinematics.forms import PROBED, Form, Solver, form_of, held, holdable
+from cellwright.engine.stages.geometry.kinematics.search import EXACT, missed, polished, pose_error, searched
+from cellwright.engine.stages.geometry.stretches import in_stretches
 
 __all__ = ["Branches", "InverseKinematics", "Solver", "polished", "pose_error"]
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from engine.kernels.linear import matmul, solved
-from engine.model.geometry import Floats, Truths
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import ArmModel, wrapped
+from cellwright.engine.kernels.linear import matmul, solved
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, wrapped
 
 EXACT = 1e-10  # metres and radians: a branch that misses by more is polished, and dropped if that fails
 STARTS = 48  # random configurations of one round

@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from engine.model.geometry import Floats, Truths
-from engine.stages.geometry.kinematics.arms import ArmModel
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
 
 
 def turns(model: ArmModel, q: Floats) -> Floats:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs
-from engine.stages.geometry.pictures.surfaces import Surface
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.stages.geometry.pictures.surfaces import Surface
 
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(-60.0), math.radians(28.0)
 MARGIN = 0.05  # share of the picture left free on each side

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.model.geometry import Floats, Joints
-from engine.stages.geometry.pictures.surfaces import Colour, Surface
+from cellwright.engine.model.geometry import Floats, Joints
+from cellwright.engine.stages.geometry.pictures.surfaces import Colour, Surface
 
 FLOAT, UNSIGNED = 5126, 5125  # component types
 VERTICES, INDICES = 34962, 34963  # buffer view targets

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.geometry import Contact, Floats
-from engine.stages.geometry.pictures.camera import Camera, triangles_in_world
-from engine.stages.geometry.pictures.labels import SIZE_PIXELS, WIDTH_PIXELS, Box, Label, placed
-from engine.stages.geometry.pictures.raster import fill
-from engine.stages.geometry.pictures.surfaces import KINDS, Colour, Surface
+from cellwright.engine.model.geometry import Contact, Floats
+from cellwright.engine.stages.geometry.pictures.camera import Camera, triangles_in_world
+from cellwright.engine.stages.geometry.pictures.labels import SIZE_PIXELS, WIDTH_PIXELS, Box, Label, placed
+from cellwright.engine.stages.geometry.pictures.raster import fill
+from cellwright.engine.stages.geometry.pictures.surfaces import KINDS, Colour, Surface
 
 RING_PIXELS = 11.0  # radius of the ring around a contact
 COARSE = 3  # pixels of the picture to one of those that tell what is seen

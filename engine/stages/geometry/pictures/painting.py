@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs
+from cellwright.engine.model.geometry import Floats, Longs
 
 FLAT_PIXELS = 1e-3  # a corner this near to a plane lies on it
 FEW = 64  # triangles that are compared pair by pair

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from engine.model.geometry import Floats
-from engine.stages.geometry.pictures.camera import Camera
-from engine.stages.geometry.pictures.labels import SIZE_PIXELS, Label
-from engine.stages.geometry.pictures.notes import KEY_PIXELS, RING_PIXELS, Key, Notes
-from engine.stages.geometry.pictures.raster import fill
-from engine.stages.geometry.pictures.surfaces import Colour
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry.pictures.camera import Camera
+from cellwright.engine.stages.geometry.pictures.labels import SIZE_PIXELS, Label
+from cellwright.engine.stages.geometry.pictures.notes import KEY_PIXELS, RING_PIXELS, Key, Notes
+from cellwright.engine.stages.geometry.pictures.raster import fill
+from cellwright.engine.stages.geometry.pictures.surfaces import Colour
 
 OVER = 2  # how much larger the picture is drawn before it is reduced
 INK, LEAD = (26, 26, 26), (85, 85, 85)

@@ -9,7 +9,7 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Longs
+from cellwright.engine.kernels.arrays import Floats, Longs
 
 FLAT = 1e-12  # square pixels: twice the area of a triangle that is seen from its edge
 

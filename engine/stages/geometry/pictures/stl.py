@@ -5,13 +5,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.pictures.surfaces import mesh_of
-from engine.stages.geometry.world.model import Located, World
-from engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.pictures.surfaces import mesh_of
+from cellwright.engine.stages.geometry.world.model import Located, World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
 
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 FIXED = Located(0, np.eye(4))  # regions stand still, and have no frame of their own

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Contact, Floats, Longs, Piece, Scene
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.hull import hull_triangles
-from engine.stages.geometry.shapes.primitives import length_of, primitive_frame
-from engine.stages.geometry.world.model import World
+from cellwright.engine.model.geometry import Contact, Floats, Longs, Piece, Scene
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.hull import hull_triangles
+from cellwright.engine.stages.geometry.shapes.primitives import length_of, primitive_frame
+from cellwright.engine.stages.geometry.world.model import World
 
 SIDES = 16  # sides of the polygon that stands for a circle
 Colour = tuple[float, float, float]

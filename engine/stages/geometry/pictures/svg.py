@@ -5,12 +5,12 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from engine.model.geometry import Floats, Longs
-from engine.stages.geometry.pictures.camera import Camera
-from engine.stages.geometry.pictures.labels import SIZE_PIXELS, Label
-from engine.stages.geometry.pictures.notes import KEY_PIXELS, RING_PIXELS, Key, Notes
-from engine.stages.geometry.pictures.painting import back_to_front, doubled_area
-from engine.stages.geometry.pictures.surfaces import Colour
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.stages.geometry.pictures.camera import Camera
+from cellwright.engine.stages.geometry.pictures.labels import SIZE_PIXELS, Label
+from cellwright.engine.stages.geometry.pictures.notes import KEY_PIXELS, RING_PIXELS, Key, Notes
+from cellwright.engine.stages.geometry.pictures.painting import back_to_front, doubled_area
+from cellwright.engine.stages.geometry.pictures.surfaces import Colour
 
 LEAST_PIXELS = 1e-3  # twice the area of a triangle that is seen edge on
 

@@ -7,28 +7,28 @@ from typing import Any
 
 import numpy as np
 
-from engine.model.geometry import Contact, Floats
-from engine.ports import CollisionChecker, GeometryBackend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.pictures import gltf, svg
-from engine.stages.geometry.pictures.camera import (
+from cellwright.engine.model.geometry import Contact, Floats
+from cellwright.engine.ports import CollisionChecker, GeometryBackend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.pictures import gltf, svg
+from cellwright.engine.stages.geometry.pictures.camera import (
     Camera,
     colours_of,
     looking_at,
     pieces_of,
     triangles_in_world,
 )
-from engine.stages.geometry.pictures.notes import Notes, notes_of
-from engine.stages.geometry.pictures.surfaces import Surface, surfaces
-from engine.stages.geometry.reach.reach import Reachability, Unreached
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.loader.configuration import read_configuration
-from kb.model.cell import Cell
-from kb.terms import Atom
+from cellwright.engine.stages.geometry.pictures.notes import Notes, notes_of
+from cellwright.engine.stages.geometry.pictures.surfaces import Surface, surfaces
+from cellwright.engine.stages.geometry.reach.reach import Reachability, Unreached
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from cellwright.kb.loader.configuration import read_configuration
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.terms import Atom
 
 SIZE = (960, 720)
 
@@ -92,7 +92,7 @@ def _at(world: World, backend: GeometryBackend, name: str) -> tuple[World, Colli
 
 def as_png(view: View, azimuth_rad: float, elevation_rad: float) -> bytes:
     """The picture as PNG."""
-    from engine.stages.geometry.pictures import png
+    from cellwright.engine.stages.geometry.pictures import png
 
     camera, triangles, shown, notes = _seen(view, azimuth_rad, elevation_rad)
     return png.draw(camera, triangles, colours_of(shown), notes)

@@ -3,19 +3,19 @@
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
-from engine.ports import GeometryBackend
-from engine.stages.geometry.reach.reach import unreached
-from engine.stages.geometry.regions.hierarchies import declared_tree
-from engine.stages.geometry.shapes.meshes import surface_only
-from engine.stages.geometry.shapes.parts import check_polyhedron, cores
-from engine.stages.geometry.world.model import World
-from kb.diagnostics import Diagnostic, InvalidInput, errors, nearest, unknown_name
-from kb.loader.cell import read_cell
-from kb.loader.reader import Findings
-from kb.model.cell import Cell
-from kb.model.domain import Domain
-from kb.model.shapes import Mesh, PlacedShape, Polyhedron
-from kb.terms import Atom, Function, Term, natural_key
+from cellwright.engine.ports import GeometryBackend
+from cellwright.engine.stages.geometry.reach.reach import unreached
+from cellwright.engine.stages.geometry.regions.hierarchies import declared_tree
+from cellwright.engine.stages.geometry.shapes.meshes import surface_only
+from cellwright.engine.stages.geometry.shapes.parts import check_polyhedron, cores
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, errors, nearest, unknown_name
+from cellwright.kb.loader.cell import read_cell
+from cellwright.kb.loader.reader import Findings
+from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.shapes import Mesh, PlacedShape, Polyhedron
+from cellwright.kb.terms import Atom, Function, Term, natural_key
 
 SHOWN = 3
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Piece, Scene
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import ArmModel
-from engine.stages.geometry.kinematics.inverse import InverseKinematics
-from engine.stages.geometry.kinematics.turning import turns
-from engine.stages.geometry.world.model import World
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Piece, Scene
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.engine.stages.geometry.kinematics.turning import turns
+from cellwright.engine.stages.geometry.world.model import World
 
 
 class ArmHand:

@@ -13,17 +13,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Contact, Floats, Truths
-from engine.ports import CollisionChecker, GeometryBackend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.inverse import Branches, InverseKinematics
-from engine.stages.geometry.kinematics.turning import nearest_turns
-from engine.stages.geometry.reach.seeing import Seeing, Unseen, View, best
-from engine.stages.geometry.reach.shallow import Shallow
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of, scene_of_pairs
-from kb.model.cell import Place
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Contact, Floats, Truths
+from cellwright.engine.ports import CollisionChecker, GeometryBackend
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.inverse import Branches, InverseKinematics
+from cellwright.engine.stages.geometry.kinematics.turning import nearest_turns
+from cellwright.engine.stages.geometry.reach.seeing import Seeing, Unseen, View, best
+from cellwright.engine.stages.geometry.reach.shallow import Shallow
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of, scene_of_pairs
+from cellwright.kb.model.cell import Place
 
 TURNS = 24  # poses tried for a tool that may turn about its own z
 ORIENTATIONS = 256  # orientations tried, to find out whether the position alone can be reached

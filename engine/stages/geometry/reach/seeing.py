@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.geometry.distance import Separations
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import pieces_of
-from kb.model.cell import Measuring, Place, Sight
+from cellwright.engine.kernels.geometry.distance import Separations
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import pieces_of
+from cellwright.kb.model.cell import Measuring, Place, Sight
 
 CORNERS = 5  # of a pyramid
 ROUNDING_RAD = 1e-9

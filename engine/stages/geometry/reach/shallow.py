@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from engine.model.geometry import Contact, Floats, Scene, Truths
-from engine.ports import CollisionChecker
+from cellwright.engine.model.geometry import Contact, Floats, Scene, Truths
+from cellwright.engine.ports import CollisionChecker
 
 
 class Shallow:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.turning import turns
-from engine.stages.geometry.reach.hand import ArmHand
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.turning import turns
+from cellwright.engine.stages.geometry.reach.hand import ArmHand
 
 STRAY_M, STRAY_RAD = 5e-4, 5e-3
 FIRST_M, FIRST_RAD = 0.04, 0.2  # between the first configurations

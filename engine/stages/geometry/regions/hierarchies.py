@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from engine.model.geometry import Piece
-from engine.stages.geometry.regions.tree import OutsideError, RegionTree, TreeRegion
-from engine.stages.geometry.shapes.packing import bound
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import pieces_of_region
+from cellwright.engine.model.geometry import Piece
+from cellwright.engine.stages.geometry.regions.tree import OutsideError, RegionTree, TreeRegion
+from cellwright.engine.stages.geometry.shapes.packing import bound
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import pieces_of_region
 
 
 def nested_boxes(name: str, pieces: Sequence[Piece], parents: tuple[str, ...] = ()) -> list[TreeRegion]:

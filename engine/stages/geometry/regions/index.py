@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.geometry.hierarchy import Hierarchy, build, inserted, removed
-from engine.kernels.geometry.layout import AXES, BALL, HALF, RADIUS, Pieces
-from engine.model.geometry import Floats, Longs, Piece
-from engine.stages.geometry.shapes.packing import chosen, pack
+from cellwright.engine.kernels.geometry.hierarchy import Hierarchy, build, inserted, removed
+from cellwright.engine.kernels.geometry.layout import AXES, BALL, HALF, RADIUS, Pieces
+from cellwright.engine.model.geometry import Floats, Longs, Piece
+from cellwright.engine.stages.geometry.shapes.packing import chosen, pack
 
 MANY = 64  # one change in so many regions, or more, is worth a new hierarchy
 ROUNDING = 1e-9  # metres, or parts of a coordinate: boxes are so much larger than what is in them

@@ -13,13 +13,13 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
-from engine.kernels.geometry.hierarchy import Hierarchy
-from engine.kernels.geometry.layout import Pieces
-from engine.model.geometry import Contact, Floats, Longs, Piece
-from engine.stages.geometry.regions.index import EMPTY, Index
-from engine.stages.geometry.shapes.contacts import nearest_of_bodies
-from engine.stages.geometry.shapes.coverage import CLOSE, Hole, covering
-from engine.stages.geometry.shapes.packing import chosen, joined, pack
+from cellwright.engine.kernels.geometry.hierarchy import Hierarchy
+from cellwright.engine.kernels.geometry.layout import Pieces
+from cellwright.engine.model.geometry import Contact, Floats, Longs, Piece
+from cellwright.engine.stages.geometry.regions.index import EMPTY, Index
+from cellwright.engine.stages.geometry.shapes.contacts import nearest_of_bodies
+from cellwright.engine.stages.geometry.shapes.coverage import CLOSE, Hole, covering
+from cellwright.engine.stages.geometry.shapes.packing import chosen, joined, pack
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +154,7 @@ class RegionTree:
 
         Its pieces hang on one carrier at a pose (4, 4).
         """
-        from engine.kernels.geometry.distance import Separations
+        from cellwright.engine.kernels.geometry.distance import Separations
 
         placed = [_placed(piece, T_world_body) for piece in pieces]
         queries, names, found = pack(placed), self.index.names.rows, []
@@ -175,7 +175,7 @@ class RegionTree:
 
     def _near(self, queries: Pieces, within_m: float) -> Longs:
         """The pairs (m, 2) of a query and the number of a solid region within a distance of it."""
-        from engine.kernels.geometry.regions import near_pieces
+        from cellwright.engine.kernels.geometry.regions import near_pieces
 
         if not np.isfinite(queries.bounds).all():
             raise ValueError("what is asked for has a size or a pose that is not a finite number")

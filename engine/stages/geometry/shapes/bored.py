@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.kernels.geometry.angles import sine_cosine, unit_vectors
-from engine.model.geometry import Floats
-from kb.model.shapes import Hole, Plate, Ring
+from cellwright.engine.kernels.geometry.angles import sine_cosine, unit_vectors
+from cellwright.engine.model.geometry import Floats
+from cellwright.kb.model.shapes import Hole, Plate, Ring
 
 SIDES = 16  # of a ring
 KNOWN = 256  # shapes whose pieces are kept: a scene is made anew for every state

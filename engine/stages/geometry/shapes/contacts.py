@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from engine.model.geometry import Contact
+from cellwright.engine.model.geometry import Contact
 
 
 def nearest_of_bodies(contacts: Iterable[Contact]) -> tuple[Contact, ...]:

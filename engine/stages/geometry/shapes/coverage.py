@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats, Piece, Truths
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.hull import hull_triangles, planes
-from engine.stages.geometry.shapes.packing import CORNERS
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats, Piece, Truths
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.hull import hull_triangles, planes
+from cellwright.engine.stages.geometry.shapes.packing import CORNERS
 
 LEVELS = 6
 CLOSE = 1e-9  # metres; allowance for rounding
@@ -137,7 +137,7 @@ class _Convex:
 
     def _measured(self, points: Floats) -> Floats:
         """Signed distances (n,) from the core, computed by the kernels."""
-        from engine.kernels.geometry.distance import Separations
+        from cellwright.engine.kernels.geometry.distance import Separations
 
         rows, found = np.vstack([np.zeros((1, 3)), self.vertices]), np.empty(len(points))
         count = len(self.vertices)

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats, Longs
-from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, hull_vertices, planes
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import foreign_bytes
-from kb.numbers import LARGEST
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.stages.geometry.shapes.hull import FlatError, hull_triangles, hull_vertices, planes
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import foreign_bytes
+from cellwright.kb.numbers import LARGEST
 
 MAX_BYTES = 256 * 2**20
 MAX_TRIANGLES = 2_000_000

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from engine.kernels.geometry.layout import (
+from cellwright.engine.kernels.geometry.layout import (
     AXES,
     BALL,
     BALL_ITSELF,
@@ -17,9 +17,9 @@ from engine.kernels.geometry.layout import (
     Pairs,
     Pieces,
 )
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Longs, Piece, Scene, Truths
-from engine.stages.geometry import transforms
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Longs, Piece, Scene, Truths
+from cellwright.engine.stages.geometry import transforms
 
 CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))  # corners of a block of size 1
 

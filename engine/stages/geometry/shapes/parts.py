@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.kernels.geometry.angles import sine_cosine, unit_vectors
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.bored import plate_pieces, ring_pieces
-from engine.stages.geometry.shapes.hull import FlatError, hull_triangles
-from engine.stages.geometry.shapes.meshes import convex_pieces
-from kb.diagnostics import Diagnostic, InvalidInput
-from kb.model.shapes import (
+from cellwright.engine.kernels.geometry.angles import sine_cosine, unit_vectors
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.bored import plate_pieces, ring_pieces
+from cellwright.engine.stages.geometry.shapes.hull import FlatError, hull_triangles
+from cellwright.engine.stages.geometry.shapes.meshes import convex_pieces
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.kb.model.shapes import (
     LARGEST,
     Box,
     Cylinder,

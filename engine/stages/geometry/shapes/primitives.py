@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm
-from engine.model.geometry import Floats, Piece
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.model.geometry import Floats, Piece
 
 
 def primitive_frame(piece: Piece) -> Floats:

@@ -6,10 +6,10 @@ from enum import StrEnum
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Truths
-from engine.stages.geometry import transforms
-from kb.model.shapes import PlacedShape, Plate, Ring
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.geometry import transforms
+from cellwright.kb.model.shapes import PlacedShape, Plate, Ring
 
 ON_M = 1e-5  # a point so near to a plane lies on it
 BESIDE_M = 1e-4  # how far beyond an edge it is checked that the face goes on

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.kernels.linear import matmul, norm
-from engine.kernels.rigid import apply
-from engine.model.geometry import Floats, Longs
-from engine.model.solid import Facet, Solid
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.hull import hull_triangles
-from engine.stages.geometry.shapes.meshes import read_mesh
-from engine.stages.geometry.shapes.parts import cores, features
-from kb.model.cell import Body
-from kb.model.shapes import Mesh, PlacedShape
+from cellwright.engine.kernels.linear import matmul, norm
+from cellwright.engine.kernels.rigid import apply
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.model.solid import Facet, Solid
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.hull import hull_triangles
+from cellwright.engine.stages.geometry.shapes.meshes import read_mesh
+from cellwright.engine.stages.geometry.shapes.parts import cores, features
+from cellwright.kb.model.cell import Body
+from cellwright.kb.model.shapes import Mesh, PlacedShape
 
 SAME = 1e-6  # of the size: what is nearer is one point, or lies in one plane
 

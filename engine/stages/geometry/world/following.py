@@ -4,12 +4,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from kb.model.cell import Location
-from kb.terms import Atom, Substitution, Variable, match, substitute
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.model.cell import Location
+from cellwright.kb.terms import Atom, Substitution, Variable, match, substitute
 
 
 def following(world: World, facts: Iterable[Atom]) -> World:

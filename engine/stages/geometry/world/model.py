@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Joints
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses
-from kb.model.cell import WORLD, Cell, JointKind, Link, Placement
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Joints
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses
+from cellwright.kb.model.cell import WORLD, Cell, JointKind, Link, Placement
 
 NO_JOINTS = Joints(
     np.zeros(0, dtype=np.int64),

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.kernels.linear import matmul
-from engine.model.geometry import Floats, Joints, Longs, Piece, Scene, Truths
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.parts import cores
-from engine.stages.geometry.world.model import NO_JOINTS, Located, World
-from kb.model.cell import JointKind
-from kb.model.shapes import PlacedShape
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.geometry import Floats, Joints, Longs, Piece, Scene, Truths
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.parts import cores
+from cellwright.engine.stages.geometry.world.model import NO_JOINTS, Located, World
+from cellwright.kb.model.cell import JointKind
+from cellwright.kb.model.shapes import PlacedShape
 
 Names = frozenset[frozenset[str]]
 ROWS = 256  # pieces whose pairs are looked at together

@@ -9,7 +9,7 @@ the triangle, and on the planes along one of its edges and one of the block.
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Truths, refuse_unless
+from cellwright.engine.kernels.arrays import Floats, Truths, refuse_unless
 
 SHORT = 1e-24  # the square of an axis that two parallel edges make
 

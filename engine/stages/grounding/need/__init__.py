@@ -5,8 +5,8 @@ left out except for a few. Then the rest is grounded, and what contributes to no
 is as good as the whole one is proved on it; where it is not, the caller grounds the whole.
 """
 
-from engine.stages.grounding.need.faithful import faithful, without_irrelevant
-from engine.stages.grounding.need.relevance import relevance
-from engine.stages.grounding.need.thinning import Named, Thinned, thinned
+from cellwright.engine.stages.grounding.need.faithful import faithful, without_irrelevant
+from cellwright.engine.stages.grounding.need.relevance import relevance
+from cellwright.engine.stages.grounding.need.thinning import Named, Thinned, thinned
 
 __all__ = ["Named", "Thinned", "faithful", "relevance", "thinned", "without_irrelevant"]

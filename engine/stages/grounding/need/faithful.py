@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from engine.model.task import Bits, GroundOperator, Task, bitset, indices
-from kb.terms import Atom, Function, Term, exchanged
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, indices
+from cellwright.kb.terms import Atom, Function, Term, exchanged
 
 
 def without_irrelevant(task: Task) -> Task:

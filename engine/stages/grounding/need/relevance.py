@@ -8,12 +8,22 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.stages.grounding.program import Conditional, Schema, Vocabulary, conditionals, schemas
-from kb.model.conditions import BodyPart, Literal, StateAggregate, goal_parts, literals
-from kb.model.domain import Domain
-from kb.model.normalise import Normaliser
-from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, Operation, Substitution, Term, Variable, parts_of, substitute
+from cellwright.engine.stages.grounding.program import Conditional, Schema, Vocabulary, conditionals, schemas
+from cellwright.kb.model.conditions import BodyPart, Literal, StateAggregate, goal_parts, literals
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.normalise import Normaliser
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import (
+    ANYTHING,
+    Atom,
+    Function,
+    Operation,
+    Substitution,
+    Term,
+    Variable,
+    parts_of,
+    substitute,
+)
 
 MOST = 400  # patterns; with more of them, all objects in them are left open
 

@@ -7,16 +7,16 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.need.relevance import relevance
-from engine.stages.grounding.program import Vocabulary
-from kb.asp.excerpt import excerpt
-from kb.asp.statics import evaluated
-from kb.asp.vocabulary import VIOLATED
-from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
-from kb.model.likeness import alike, free_objects, most_at_once, names
-from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from cellwright.engine.stages.grounding.initial import initial_state
+from cellwright.engine.stages.grounding.need.relevance import relevance
+from cellwright.engine.stages.grounding.program import Vocabulary
+from cellwright.kb.asp.excerpt import excerpt
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.asp.vocabulary import VIOLATED
+from cellwright.kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
+from cellwright.kb.model.likeness import alike, free_objects, most_at_once, names
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function
 
 Named = Callable[[str, int], Iterable[Atom]]  # the static facts of a predicate of an arity
 Spares = tuple[tuple[str, ...], ...]  # of each class of objects that are alike those that stay

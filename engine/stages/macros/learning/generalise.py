@@ -4,16 +4,16 @@ First comes a proof that the plan works, then the conditions that keep its insta
 off the proof, with readable names.
 """
 
-from engine.stages.macros.learning.proof import Proof
-from engine.stages.macros.learning.reading import Generalised, Reading
-from engine.stages.macros.learning.safety import Safety
-from engine.stages.macros.learning.stages import lifted_chains
-from engine.stages.macros.lifted.schema import NotGeneral
-from engine.stages.macros.lifted.world import CellDomain, State
-from kb.model.conditions import BodyPart, Condition, Exists, Literal, goal_parts
-from kb.model.plan import GOAL, START, Plan
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, Variable, variables
+from cellwright.engine.stages.macros.learning.proof import Proof
+from cellwright.engine.stages.macros.learning.reading import Generalised, Reading
+from cellwright.engine.stages.macros.learning.safety import Safety
+from cellwright.engine.stages.macros.learning.stages import lifted_chains
+from cellwright.engine.stages.macros.lifted.schema import NotGeneral
+from cellwright.engine.stages.macros.lifted.world import CellDomain, State
+from cellwright.kb.model.conditions import BodyPart, Condition, Exists, Literal, goal_parts
+from cellwright.kb.model.plan import GOAL, START, Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term, Variable, variables
 
 __all__ = ["Generalised", "NotGeneral", "generalise"]
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from kb.terms import Term, Variable, variables
+from cellwright.kb.terms import Term, Variable, variables
 
 
 class FreshNames:

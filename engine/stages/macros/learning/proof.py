@@ -2,22 +2,39 @@
 
 Every step becomes its operator with new variables. Every causal link makes a condition of its consumer equal
 to a consequence of its producer, and nothing else is made equal (Fikes, Hart & Nilsson 1972; Mooney &
-DeJong's EGGS 1986; for partial orders Kambhampati & Kedar 1994). `engine.stages.macros.learning.safety` adds
+DeJong's EGGS 1986; for partial orders Kambhampati & Kedar 1994). `cellwright.engine.stages.macros.learning.safety` adds
 the conditions that exclude disturbances.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from engine.stages.macros.learning.terms import Equalities
-from engine.stages.macros.lifted.bodies import solve
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema
-from engine.stages.macros.lifted.world import CellDomain, State, StepChange, with_derived
-from kb.model.conditions import Body, BodyPart, Comparison, Literal, part_variables, substitute_part
-from kb.model.domain import Kind
-from kb.model.plan import GOAL, START, Plan, Step, StepId
-from kb.terms import Atom, Function, Term, Variable, is_ground, match, ordered, substitute_atom, variables
+from cellwright.engine.stages.macros.learning.terms import Equalities
+from cellwright.engine.stages.macros.lifted.bodies import solve
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema
+from cellwright.engine.stages.macros.lifted.world import CellDomain, State, StepChange, with_derived
+from cellwright.kb.model.conditions import (
+    Body,
+    BodyPart,
+    Comparison,
+    Literal,
+    part_variables,
+    substitute_part,
+)
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.plan import GOAL, START, Plan, Step, StepId
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Term,
+    Variable,
+    is_ground,
+    match,
+    ordered,
+    substitute_atom,
+    variables,
+)
 
 MAX_DEPTH = 40
 

@@ -4,13 +4,13 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from engine.stages.macros.learning.naming import FreshNames
-from engine.stages.macros.learning.proof import Proof
-from engine.stages.macros.learning.safety import Safety
-from engine.stages.macros.learning.terms import apart, decided
-from engine.stages.macros.learning.types import unary, without_copies
-from engine.stages.macros.lifted.digests import dependencies
-from kb.model.conditions import (
+from cellwright.engine.stages.macros.learning.naming import FreshNames
+from cellwright.engine.stages.macros.learning.proof import Proof
+from cellwright.engine.stages.macros.learning.safety import Safety
+from cellwright.engine.stages.macros.learning.terms import apart, decided
+from cellwright.engine.stages.macros.learning.types import unary, without_copies
+from cellwright.engine.stages.macros.lifted.digests import dependencies
+from cellwright.kb.model.conditions import (
     Body,
     BodyPart,
     Comparison,
@@ -19,10 +19,10 @@ from kb.model.conditions import (
     part_variables,
     substitute_part,
 )
-from kb.model.domain import Kind
-from kb.model.macro import MacroChain, Macrop, MacroStep
-from kb.model.plan import GOAL, START, CausalLink, Step, StepId
-from kb.terms import Atom, Function, Number, Substitution, Term, Variable, substitute, variables
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.macro import MacroChain, Macrop, MacroStep
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Step, StepId
+from cellwright.kb.terms import Atom, Function, Number, Substitution, Term, Variable, substitute, variables
 
 
 @dataclass(frozen=True, slots=True)

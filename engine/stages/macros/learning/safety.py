@@ -9,14 +9,21 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from engine.stages.macros.learning.proof import Proof, SupportedLiteral
-from engine.stages.macros.learning.terms import apart, equations, simplified
-from engine.stages.macros.lifted.bodies import satisfiable
-from engine.stages.macros.lifted.schema import Following, NotGeneral
-from kb.model.conditions import Body, BodyPart, Comparison, Literal, part_variables, substitute_part
-from kb.model.normalise import NEGATED
-from kb.model.plan import GOAL, START, StepId
-from kb.terms import Function, Term, Variable, substitute
+from cellwright.engine.stages.macros.learning.proof import Proof, SupportedLiteral
+from cellwright.engine.stages.macros.learning.terms import apart, equations, simplified
+from cellwright.engine.stages.macros.lifted.bodies import satisfiable
+from cellwright.engine.stages.macros.lifted.schema import Following, NotGeneral
+from cellwright.kb.model.conditions import (
+    Body,
+    BodyPart,
+    Comparison,
+    Literal,
+    part_variables,
+    substitute_part,
+)
+from cellwright.kb.model.normalise import NEGATED
+from cellwright.kb.model.plan import GOAL, START, StepId
+from cellwright.kb.terms import Function, Term, Variable, substitute
 
 Pairs = list[tuple[Term, Term]]
 

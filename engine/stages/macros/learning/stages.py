@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 
-from engine.stages.macros.learning.proof import Proof
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.schema import NotGeneral
-from kb.model.domain import Kind
-from kb.model.macro import MacroChain
-from kb.model.plan import GOAL, Step
-from kb.model.problem import Chain, Problem
-from kb.model.workflow import Reached, advanced, begun, holding, lasting, those_reaching
-from kb.terms import TOGETHER, Atom, Function, Term, Text, Variable, match, ordered
+from cellwright.engine.stages.macros.learning.proof import Proof
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.schema import NotGeneral
+from cellwright.kb.model.domain import Kind
+from cellwright.kb.model.macro import MacroChain
+from cellwright.kb.model.plan import GOAL, Step
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.workflow import Reached, advanced, begun, holding, lasting, those_reaching
+from cellwright.kb.terms import TOGETHER, Atom, Function, Term, Text, Variable, match, ordered
 
 
 def lifted_chains(problem: Problem, proof: Proof) -> tuple[MacroChain, ...]:

@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Function, Term, Variable, match
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Function, Term, Variable, match
 
 LONGEST = 4  # steps of the longest sub-sequence
 LARGEST = 200  # steps; longer plans are not searched for sub-sequences

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 
-from engine.stages.macros.lifted.schema import NotGeneral
-from kb.arithmetic import compare
-from kb.model.conditions import Body, BodyPart, Comparison, substitute_part
-from kb.terms import Function, Operation, Term, Variable, is_ground, unify
+from cellwright.engine.stages.macros.lifted.schema import NotGeneral
+from cellwright.kb.arithmetic import compare
+from cellwright.kb.model.conditions import Body, BodyPart, Comparison, substitute_part
+from cellwright.kb.terms import Function, Operation, Term, Variable, is_ground, unify
 
 
 class Equalities:

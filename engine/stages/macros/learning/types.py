@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Iterator
 
-from kb.model.conditions import Body, BodyPart, Literal, Parameter, part_variables, substitute_part
-from kb.model.domain import OBJECT, Domain
-from kb.terms import Function, Term, Variable
+from cellwright.kb.model.conditions import Body, BodyPart, Literal, Parameter, part_variables, substitute_part
+from cellwright.kb.model.domain import OBJECT, Domain
+from cellwright.kb.terms import Function, Term, Variable
 
 
 def unary(parts: Iterable[BodyPart], domain: Domain) -> tuple[Body, tuple[Parameter, ...]]:

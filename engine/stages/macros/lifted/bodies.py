@@ -5,9 +5,9 @@ The cheapest part comes first, and each test runs as soon as it can be decided.
 
 from collections.abc import Iterator, Mapping
 
-from engine.stages.macros.lifted.facts import Facts
-from kb.arithmetic import aggregated, compare, evaluate, order_key, relates, term_of
-from kb.model.conditions import (
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.kb.arithmetic import aggregated, compare, evaluate, order_key, relates, term_of
+from cellwright.kb.model.conditions import (
     Aggregate,
     Body,
     BodyPart,
@@ -16,7 +16,7 @@ from kb.model.conditions import (
     StateAggregate,
     substitute_part,
 )
-from kb.terms import Operation, Term, Variable, is_ground, match, substitute
+from cellwright.kb.terms import Operation, Term, Variable, is_ground, match, substitute
 
 Bindings = Mapping[Variable, Term]
 

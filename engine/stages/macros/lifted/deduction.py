@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from kb.model.conditions import (
+from cellwright.kb.model.conditions import (
     Aggregate,
     Body,
     Comparison,
@@ -19,9 +19,9 @@ from kb.model.conditions import (
     part_variables,
     substitute_part,
 )
-from kb.model.domain import BUILT_IN_TYPES, Consequence, DeductiveOperator
-from kb.model.normalise import type_literal
-from kb.terms import (
+from cellwright.kb.model.domain import BUILT_IN_TYPES, Consequence, DeductiveOperator
+from cellwright.kb.model.normalise import type_literal
+from cellwright.kb.terms import (
     Atom,
     Function,
     Substitution,

@@ -9,11 +9,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from typing import Any
 
-from engine.stages.macros.lifted.schema import OperatorSchema
-from kb.model.conditions import Literal
-from kb.model.domain import Domain
-from kb.model.macro import Macrop
-from kb.terms import Function, Term
+from cellwright.engine.stages.macros.lifted.schema import OperatorSchema
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.terms import Function, Term
 
 MEANINGLESS = frozenset({"where", "command", "weight"})  # source, controller command, order of search
 

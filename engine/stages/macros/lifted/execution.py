@@ -6,16 +6,16 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from engine.stages.macros.lifted.bodies import Bindings, satisfiable
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.ground_steps import GroundStep
-from engine.stages.macros.lifted.schema import OperatorSchema
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.support import support
-from engine.stages.macros.lifted.world import CellDomain, StepChange, with_derived
-from kb.model.conditions import Body
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Atom
+from cellwright.engine.stages.macros.lifted.bodies import Bindings, satisfiable
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.ground_steps import GroundStep
+from cellwright.engine.stages.macros.lifted.schema import OperatorSchema
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.support import support
+from cellwright.engine.stages.macros.lifted.world import CellDomain, StepChange, with_derived
+from cellwright.kb.model.conditions import Body
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Atom
 
 
 @dataclass

@@ -5,8 +5,8 @@ The new set shares all predicates that the change does not touch, so a step cost
 
 from collections.abc import Callable, Collection, Iterable, Iterator
 
-from kb.model.domain import NUMERIC_TYPES, OBJECT
-from kb.terms import Atom, Function, Number, Term, Text, is_ground, match
+from cellwright.kb.model.domain import NUMERIC_TYPES, OBJECT
+from cellwright.kb.terms import Atom, Function, Number, Term, Text, is_ground, match
 
 SINGLY = 200  # atoms of a predicate that are asked for before all are read
 SMALL = 4  # atoms; up to this number they are tried one by one

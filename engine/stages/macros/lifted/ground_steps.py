@@ -1,18 +1,18 @@
 """Ground steps, prepared as far as they do not depend on a state.
 
 Every plan that has the step uses the same result. This works for operators whose precondition names all its
-atoms and whose effects have no conditions on the state. `engine.stages.macros.lifted.world` executes the
+atoms and whose effects have no conditions on the state. `cellwright.engine.stages.macros.lifted.world` executes the
 other operators. It gives the same answers for all operators, but slower.
 """
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.schema import Following, OperatorSchema, Schemas
-from kb.model.conditions import Body, BodyPart, Literal, part_variables, substitute_part
-from kb.terms import Atom, is_ground, match, substitute_atom
+from cellwright.engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.schema import Following, OperatorSchema, Schemas
+from cellwright.kb.model.conditions import Body, BodyPart, Literal, part_variables, substitute_part
+from cellwright.kb.terms import Atom, is_ground, match, substitute_atom
 
 Needed = tuple[tuple[Atom, ...], tuple[Atom, ...]]  # atoms that must hold, and atoms that must not
 

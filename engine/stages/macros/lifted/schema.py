@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from engine.stages.macros.lifted.deduction import (
+from cellwright.engine.stages.macros.lifted.deduction import (
     DeductiveOperators,
     Following,
     NotGeneral,
@@ -13,11 +13,20 @@ from engine.stages.macros.lifted.deduction import (
     type_guards,
     without_aggregates,
 )
-from kb.graphs import components
-from kb.model.conditions import TRUE, Body, BodyPart, Condition, Literal, part_variables
-from kb.model.domain import DeductiveOperator, Domain, Effect, Kind, Operator, Rule
-from kb.model.normalise import Normaliser
-from kb.terms import ANYTHING, Atom, Function, Substitution, Term, Variable, substitute_atom, variables
+from cellwright.kb.graphs import components
+from cellwright.kb.model.conditions import TRUE, Body, BodyPart, Condition, Literal, part_variables
+from cellwright.kb.model.domain import DeductiveOperator, Domain, Effect, Kind, Operator, Rule
+from cellwright.kb.model.normalise import Normaliser
+from cellwright.kb.terms import (
+    ANYTHING,
+    Atom,
+    Function,
+    Substitution,
+    Term,
+    Variable,
+    substitute_atom,
+    variables,
+)
 
 
 @dataclass(frozen=True, slots=True)

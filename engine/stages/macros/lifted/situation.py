@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.world import CellDomain
-from kb.terms import Atom, ordered
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.kb.terms import Atom, ordered
 
 
 @dataclass(frozen=True, slots=True)

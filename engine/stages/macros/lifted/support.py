@@ -6,11 +6,11 @@ atoms first (`with_derived`) is needed only for rules that build on themselves, 
 
 from collections.abc import Iterable, Iterator
 
-from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.world import CellDomain, holds, with_derived
-from kb.model.conditions import Body, Literal
-from kb.terms import Atom, Function, is_ground, match, substitute_atom
+from cellwright.engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.world import CellDomain, holds, with_derived
+from cellwright.kb.model.conditions import Body, Literal
+from cellwright.kb.terms import Atom, Function, is_ground, match, substitute_atom
 
 
 class _Open(Exception):

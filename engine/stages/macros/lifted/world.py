@@ -7,20 +7,26 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
-from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lifted.facts import Facts, GivenFacts, Layered
-from engine.stages.macros.lifted.ground_steps import GroundStep, ground_step, is_plain
-from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
-from kb.asp.statics import evaluated
-from kb.asp.vocabulary import VIOLATED, guard
-from kb.graphs import components
-from kb.loader.amounts import amounts_of
-from kb.model.amounts import Amounts
-from kb.model.conditions import Aggregate, Body, Literal, Parameter, StateAggregate, literals
-from kb.model.domain import Domain, Rule
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, Variable, match, substitute_atom
+from cellwright.engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
+from cellwright.engine.stages.macros.lifted.digests import Digests
+from cellwright.engine.stages.macros.lifted.facts import Facts, GivenFacts, Layered
+from cellwright.engine.stages.macros.lifted.ground_steps import GroundStep, ground_step, is_plain
+from cellwright.engine.stages.macros.lifted.schema import (
+    Following,
+    NotGeneral,
+    OperatorSchema,
+    Schemas,
+    stand_in,
+)
+from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.asp.vocabulary import VIOLATED, guard
+from cellwright.kb.graphs import components
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.amounts import Amounts
+from cellwright.kb.model.conditions import Aggregate, Body, Literal, Parameter, StateAggregate, literals
+from cellwright.kb.model.domain import Domain, Rule
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term, Variable, match, substitute_atom
 
 State = frozenset[Atom]
 KEPT = 1 << 15  # ground steps

@@ -2,24 +2,24 @@
 
 The plan is executed in the situation, step by step, with the domain's own operators. The check does not
 depend on matching: it sees only the finished plan and the problem's goals, never a MACROP. It shares the
-operator schemas with generalisation, so the gate (`engine.pipelines.gate`) checks the plan again.
+operator schemas with generalisation, so the gate (`cellwright.engine.pipelines.gate`) checks the plan again.
 """
 
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from engine.stages.macros.lifted.bodies import Bindings, satisfiable
-from engine.stages.macros.lifted.deduction import Following
-from engine.stages.macros.lifted.execution import Execution
-from engine.stages.macros.lifted.schema import NotGeneral
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.macros.lookup.query import Query, is_met
-from kb.model.conditions import Literal
-from kb.model.plan import Plan, Step
-from kb.model.workflow import advanced, begun, holding, in_turn, lasting, late_stages, too_early
-from kb.terms import Atom, is_ground, match, substitute_atom
+from cellwright.engine.stages.macros.lifted.bodies import Bindings, satisfiable
+from cellwright.engine.stages.macros.lifted.deduction import Following
+from cellwright.engine.stages.macros.lifted.execution import Execution
+from cellwright.engine.stages.macros.lifted.schema import NotGeneral
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.macros.lookup.query import Query, is_met
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.workflow import advanced, begun, holding, in_turn, lasting, late_stages, too_early
+from cellwright.kb.terms import Atom, is_ground, match, substitute_atom
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,13 +12,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.macros.lookup.matching import match_open
-from engine.stages.macros.lookup.query import Query
-from kb.model.conditions import Literal, Parameter
-from kb.model.macro import Macrop
-from kb.store.notation import Requirement, read_literal
-from kb.terms import Function, Term, Variable, match, substitute_atom, variables
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.macros.lookup.matching import match_open
+from cellwright.engine.stages.macros.lookup.query import Query
+from cellwright.kb.model.conditions import Literal, Parameter
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.store.notation import Requirement, read_literal
+from cellwright.kb.terms import Function, Term, Variable, match, substitute_atom, variables
 
 GOALS = 1 << 14  # goals whose features are remembered
 

@@ -9,11 +9,11 @@ from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.stages.macros.lookup.features import Observed, Profiles, requirements
-from engine.stages.macros.lookup.program import Program
-from engine.stages.macros.lookup.query import Query, signature_asked, signature_of
-from kb.model.macro import Macrop
-from kb.store.notation import Requirement
+from cellwright.engine.stages.macros.lookup.features import Observed, Profiles, requirements
+from cellwright.engine.stages.macros.lookup.program import Program
+from cellwright.engine.stages.macros.lookup.query import Query, signature_asked, signature_of
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.store.notation import Requirement
 
 UNKNOWN_COST = 1 << 62
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 
-from engine.stages.macros.lifted.schema import NotGeneral
-from kb.model.amounts import Amounts, NoAmount
-from kb.model.macro import Macrop, MacroStep
-from kb.model.plan import CausalLink, Plan, Step
-from kb.terms import Term, Variable, is_ground, substitute, substitute_atom
+from cellwright.engine.stages.macros.lifted.schema import NotGeneral
+from cellwright.kb.model.amounts import Amounts, NoAmount
+from cellwright.kb.model.macro import Macrop, MacroStep
+from cellwright.kb.model.plan import CausalLink, Plan, Step
+from cellwright.kb.terms import Term, Variable, is_ground, substitute, substitute_atom
 
 
 def instantiate(macrop: Macrop, bindings: Mapping[Variable, Term], amounts: Amounts) -> Plan:

@@ -4,17 +4,17 @@ import itertools
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
 
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.schema import NotGeneral
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup.checking import check
-from engine.stages.macros.lookup.index import Entry, Index
-from engine.stages.macros.lookup.instantiate import instantiate
-from engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, matches
-from engine.stages.macros.lookup.query import Query
-from kb.model.macro import Macrop
-from kb.model.plan import Plan
-from kb.terms import Term, Variable, is_ground, substitute_atom
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.schema import NotGeneral
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lookup.checking import check
+from cellwright.engine.stages.macros.lookup.index import Entry, Index
+from cellwright.engine.stages.macros.lookup.instantiate import instantiate
+from cellwright.engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, matches
+from cellwright.engine.stages.macros.lookup.query import Query
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.terms import Term, Variable, is_ground, substitute_atom
 
 INSTANCES = 8  # instances of one MACROP that are checked before the next MACROP is tried
 

@@ -9,15 +9,15 @@ same way, and goals with the fewest choices are assigned first.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lookup.program import Item, Program, Wanted
-from engine.stages.macros.lookup.query import Query
-from kb.arithmetic import compare
-from kb.model.conditions import Comparison, Literal, Parameter
-from kb.model.macro import MacroChain
-from kb.model.problem import Chain
-from kb.terms import (
+from cellwright.engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lookup.program import Item, Program, Wanted
+from cellwright.engine.stages.macros.lookup.query import Query
+from cellwright.kb.arithmetic import compare
+from cellwright.kb.model.conditions import Comparison, Literal, Parameter
+from cellwright.kb.model.macro import MacroChain
+from cellwright.kb.model.problem import Chain
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Function,

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from kb.model.conditions import (
+from cellwright.kb.model.conditions import (
     Aggregate,
     Comparison,
     Literal,
@@ -13,9 +13,9 @@ from kb.model.conditions import (
     part_variables,
     substitute_part,
 )
-from kb.model.macro import MacroChain, Macrop
-from kb.terms import Variable
-from kb.terms import variables as variables_of
+from cellwright.kb.model.macro import MacroChain, Macrop
+from cellwright.kb.terms import Variable
+from cellwright.kb.terms import variables as variables_of
 
 
 @dataclass(frozen=True, slots=True)

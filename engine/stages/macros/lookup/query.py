@@ -5,14 +5,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain, holds, with_derived
-from kb.model.conditions import Condition, Exists, Literal, goal_parts
-from kb.model.macro import Macrop
-from kb.model.problem import Chain, Problem
-from kb.model.workflow import begun, finished, holding, lasting
-from kb.terms import ANYTHING, TOGETHER, Atom, substitute_atom
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain, holds, with_derived
+from cellwright.kb.model.conditions import Condition, Exists, Literal, goal_parts
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.workflow import begun, finished, holding, lasting
+from cellwright.kb.terms import ANYTHING, TOGETHER, Atom, substitute_atom
 
 MOST_KEPT = 3
 

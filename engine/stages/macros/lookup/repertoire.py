@@ -9,14 +9,14 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 
-from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lookup.features import requirements
-from engine.stages.macros.lookup.index import Entry, Index, rank
-from engine.stages.macros.lookup.lookup import Hit, look_up
-from engine.stages.macros.lookup.query import Query, readings, signature_asked, signature_of
-from kb.model.domain import Domain
-from kb.model.macro import Macrop
-from kb.store import Library, Outline, Record, Use
+from cellwright.engine.stages.macros.lifted.digests import Digests
+from cellwright.engine.stages.macros.lookup.features import requirements
+from cellwright.engine.stages.macros.lookup.index import Entry, Index, rank
+from cellwright.engine.stages.macros.lookup.lookup import Hit, look_up
+from cellwright.engine.stages.macros.lookup.query import Query, readings, signature_asked, signature_of
+from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.store import Library, Outline, Record, Use
 
 FLUSH = 1024  # uses that are noted in memory before they are written to the library
 DOUBT_S = 1.0

@@ -8,9 +8,18 @@ place.
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from kb.model.conditions import Literal, Parameter, substitute_part
-from kb.model.macro import Macrop, MacroStep
-from kb.terms import Atom, Function, Substitution, Term, Variable, match, substitute, substitute_atom
+from cellwright.kb.model.conditions import Literal, Parameter, substitute_part
+from cellwright.kb.model.macro import Macrop, MacroStep
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Substitution,
+    Term,
+    Variable,
+    match,
+    substitute,
+    substitute_atom,
+)
 
 
 def specialised(macrop: Macrop, operators: Sequence[Function]) -> Macrop:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from engine.model.task import Bits, GroundOperator, indices
+from cellwright.engine.model.task import Bits, GroundOperator, indices
 
 
 class Achievers:

@@ -8,9 +8,9 @@ atom of the set is true from the start, or is a landmark by itself, the set says
 from collections import deque
 from collections.abc import Iterator, Sequence
 
-from engine.model.task import Bits, indices
-from engine.stages.planning.forward.achievers import Achievers
-from kb.terms import Atom, Function
+from cellwright.engine.model.task import Bits, indices
+from cellwright.engine.stages.planning.forward.achievers import Achievers
+from cellwright.kb.terms import Atom, Function
 
 WIDEST = 100  # atoms in a set
 MOST = 2_000  # sets

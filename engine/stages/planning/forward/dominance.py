@@ -3,11 +3,11 @@
 from array import array
 from collections.abc import Iterator, Sequence
 
-from engine.model.axioms import Axioms
-from engine.model.quantities import Comparing, Level
-from engine.model.task import Bits, GroundOperator
-from engine.stages.planning.forward.space import Space
-from engine.stages.planning.forward.transitions import Dominance
+from cellwright.engine.model.axioms import Axioms
+from cellwright.engine.model.quantities import Comparing, Level
+from cellwright.engine.model.task import Bits, GroundOperator
+from cellwright.engine.stages.planning.forward.space import Space
+from cellwright.engine.stages.planning.forward.transitions import Dominance
 
 RISING, FALLING = (">", ">="), ("<", "<=")
 

@@ -8,12 +8,12 @@ import copy
 from collections.abc import Sequence
 from dataclasses import replace
 
-from engine.model.axioms import Axioms, relaxed
-from engine.model.task import Bits, GroundOperator, indices
-from engine.stages.planning.forward.kernels import RelaxedPlans, Rows
-from engine.stages.planning.forward.repeating import Repeating
-from engine.stages.planning.forward.space import Space
-from kb.terms import Function
+from cellwright.engine.model.axioms import Axioms, relaxed
+from cellwright.engine.model.task import Bits, GroundOperator, indices
+from cellwright.engine.stages.planning.forward.kernels import RelaxedPlans, Rows
+from cellwright.engine.stages.planning.forward.repeating import Repeating
+from cellwright.engine.stages.planning.forward.space import Space
+from cellwright.kb.terms import Function
 
 DEAREST = 1 << 30  # the largest cost of an operator; higher costs are cut off
 NOBODY = -1  # stands for the operator behind a rule

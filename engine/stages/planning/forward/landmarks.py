@@ -12,11 +12,11 @@ count again: which of their atoms is needed is decided already.
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.stages.planning.forward.achievers import Achievers
-from engine.stages.planning.forward.disjunctive import Disjunctions, kinds_of
-from engine.stages.planning.forward.kernels import LandmarkCount, Rows
-from engine.stages.planning.forward.orders import add, ordered, reached
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.engine.stages.planning.forward.achievers import Achievers
+from cellwright.engine.stages.planning.forward.disjunctive import Disjunctions, kinds_of
+from cellwright.engine.stages.planning.forward.kernels import LandmarkCount, Rows
+from cellwright.engine.stages.planning.forward.orders import add, ordered, reached
 
 MAX_WORK = 3_000_000  # visits of operators that the fixpoint may take
 

@@ -9,14 +9,14 @@ import heapq
 import itertools
 from typing import NamedTuple
 
-from engine.model.task import Task, indices
-from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
-from engine.stages.planning.forward.dominance import fronts
-from engine.stages.planning.forward.evaluation import Evaluation
-from engine.stages.planning.forward.repeating import distance
-from engine.stages.planning.forward.search import planned, with_one_goal
-from engine.stages.planning.forward.transitions import Novelty
-from engine.stages.planning.ties import chance
+from cellwright.engine.model.task import Task, indices
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from cellwright.engine.stages.planning.forward.dominance import fronts
+from cellwright.engine.stages.planning.forward.evaluation import Evaluation
+from cellwright.engine.stages.planning.forward.repeating import distance
+from cellwright.engine.stages.planning.forward.search import planned, with_one_goal
+from cellwright.engine.stages.planning.forward.transitions import Novelty
+from cellwright.engine.stages.planning.ties import chance
 
 
 class Node(NamedTuple):

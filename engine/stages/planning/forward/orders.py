@@ -9,8 +9,8 @@ that would close a circle is left out.
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from engine.model.task import Bits, indices
-from engine.stages.planning.forward.achievers import Achievers
+from cellwright.engine.model.task import Bits, indices
+from cellwright.engine.stages.planning.forward.achievers import Achievers
 
 
 class Reached(NamedTuple):

@@ -10,12 +10,12 @@ from dataclasses import replace
 from itertools import accumulate
 from typing import NamedTuple
 
-from engine.kernels.sums import Repetitions
-from engine.model.axioms import Axioms
-from engine.model.quantities import OPPOSITE, RELATIONS, Comparing, Level, Linear
-from engine.model.task import GroundOperator
-from engine.stages.planning.forward.kernels import Longs
-from engine.stages.planning.forward.transitions import Distance
+from cellwright.engine.kernels.sums import Repetitions
+from cellwright.engine.model.axioms import Axioms
+from cellwright.engine.model.quantities import OPPOSITE, RELATIONS, Comparing, Level, Linear
+from cellwright.engine.model.task import GroundOperator
+from cellwright.engine.stages.planning.forward.kernels import Longs
+from cellwright.engine.stages.planning.forward.transitions import Distance
 
 
 class Kind(NamedTuple):

@@ -7,8 +7,8 @@ Sinclair & Zuckerman 1993, which need not know how long a good run is.
 
 from collections.abc import Callable, Sequence
 
-from engine.stages.planning.effort import Effort, SearchResult
-from engine.stages.planning.forward.search import Forward
+from cellwright.engine.stages.planning.effort import Effort, SearchResult
+from cellwright.engine.stages.planning.forward.search import Forward
 
 SHORTEST = 500  # expansions
 

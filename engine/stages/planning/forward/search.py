@@ -11,17 +11,17 @@ from array import array
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from engine.model.axioms import Axioms
-from engine.model.outcome import Offer
-from engine.model.task import Bits, GroundOperator, Task
-from engine.stages.planning.composites import Pattern
-from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
-from engine.stages.planning.forward.dominance import fronts
-from engine.stages.planning.forward.evaluation import Evaluation
-from engine.stages.planning.forward.landmarks import Hints, Landmarks
-from engine.stages.planning.forward.suggestions import Suggestions
-from engine.stages.planning.ties import chance
-from kb.terms import Function
+from cellwright.engine.model.axioms import Axioms
+from cellwright.engine.model.outcome import Offer
+from cellwright.engine.model.task import Bits, GroundOperator, Task
+from cellwright.engine.stages.planning.composites import Pattern
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from cellwright.engine.stages.planning.forward.dominance import fronts
+from cellwright.engine.stages.planning.forward.evaluation import Evaluation
+from cellwright.engine.stages.planning.forward.landmarks import Hints, Landmarks
+from cellwright.engine.stages.planning.forward.suggestions import Suggestions
+from cellwright.engine.stages.planning.ties import chance
+from cellwright.kb.terms import Function
 
 UNKNOWN = 1 << 60
 LARGEST = (1 << 31) - 1  # of the numbers that an array of small ones holds

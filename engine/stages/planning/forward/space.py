@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Sequence
 from itertools import accumulate
 
-from engine.model.axioms import Axioms
-from engine.model.quantities import Assignment, Level
-from engine.model.task import Bits, ConditionalEffect, GroundOperator, indices
-from engine.stages.planning.effort import OutOfRange
-from engine.stages.planning.forward.kernels import Rows
-from engine.stages.planning.forward.transitions import Changes, Transitions
+from cellwright.engine.model.axioms import Axioms
+from cellwright.engine.model.quantities import Assignment, Level
+from cellwright.engine.model.task import Bits, ConditionalEffect, GroundOperator, indices
+from cellwright.engine.stages.planning.effort import OutOfRange
+from cellwright.engine.stages.planning.forward.kernels import Rows
+from cellwright.engine.stages.planning.forward.transitions import Changes, Transitions
 
 
 class Space:

@@ -7,8 +7,8 @@ the many instances may help (Botea, Enzenberger, Müller & Schaeffer 2005). The 
 from collections.abc import Iterable, Sequence
 from itertools import islice
 
-from engine.model.task import Bits, GroundOperator
-from engine.stages.planning.composites import Joins, Pattern, composed
+from cellwright.engine.model.task import Bits, GroundOperator
+from cellwright.engine.stages.planning.composites import Joins, Pattern, composed
 
 MOST = 64  # the largest number of composites suggested for one state
 

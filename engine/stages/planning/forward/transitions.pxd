@@ -1,9 +1,9 @@
 # The types with which Cython compiles transitions.py. That file says what they mean.
 import cython
 
-from engine.kernels.axioms cimport Upkeep
-from engine.kernels.sums cimport Comparisons, Repetitions
-from engine.stages.planning.forward.kernels cimport Rows
+from cellwright.engine.kernels.axioms cimport Upkeep
+from cellwright.engine.kernels.sums cimport Comparisons, Repetitions
+from cellwright.engine.stages.planning.forward.kernels cimport Rows
 
 cdef long long LARGEST, TABLE
 

@@ -9,9 +9,9 @@ i // 8), then the values of quantities with 8 bytes each. Derived atoms are amon
 from array import array
 from collections.abc import Sequence
 
-from engine.kernels.axioms import Upkeep
-from engine.kernels.sums import Comparisons, Repetitions
-from engine.stages.planning.forward.kernels import Rows, ints, longs
+from cellwright.engine.kernels.axioms import Upkeep
+from cellwright.engine.kernels.sums import Comparisons, Repetitions
+from cellwright.engine.stages.planning.forward.kernels import Rows, ints, longs
 
 LARGEST = 1 << 50  # a state with a greater value has no successor
 TABLE = 1 << 16  # a power of 2

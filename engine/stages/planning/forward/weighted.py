@@ -8,11 +8,11 @@ that goes on stays near its first decisions (Richter, Thayer & Ruml 2010).
 import copy
 from collections.abc import Sequence
 
-from engine.model.axioms import Axioms
-from engine.model.task import Bits, GroundOperator, Task
-from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
-from engine.stages.planning.forward.landmarks import Hints
-from engine.stages.planning.forward.search import UNKNOWN, Forward, with_one_goal
+from cellwright.engine.model.axioms import Axioms
+from cellwright.engine.model.task import Bits, GroundOperator, Task
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from cellwright.engine.stages.planning.forward.landmarks import Hints
+from cellwright.engine.stages.planning.forward.search import UNKNOWN, Forward, with_one_goal
 
 
 class Weighted(Forward):

@@ -3,22 +3,22 @@
 from collections.abc import Callable, Iterator, Sequence
 from time import process_time
 
-from engine.model.replay import early
-from engine.model.task import GroundOperator, Task
-from engine.stages.planning.effort import Effort, OutOfRange
-from engine.stages.planning.elimination import eliminate, reached
-from engine.stages.planning.improvement.batches import fewer
-from engine.stages.planning.improvement.bounded import Pool, Searches
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.planning.improvement.exact import optimum
-from engine.stages.planning.improvement.rounds import Growing, Improvement, Steps, cost
-from engine.stages.planning.improvement.straighten import Cheaper, by_search
-from engine.stages.planning.limits import Limits
-from engine.stages.planning.portfolio import CLIMB, STRATEGIES
-from engine.stages.planning.setting import Setting
-from engine.stages.planning.variants import TooManyVariants, plainly
-from kb.model.plan import Plan
-from kb.stopping import Stopped
+from cellwright.engine.model.replay import early
+from cellwright.engine.model.task import GroundOperator, Task
+from cellwright.engine.stages.planning.effort import Effort, OutOfRange
+from cellwright.engine.stages.planning.elimination import eliminate, reached
+from cellwright.engine.stages.planning.improvement.batches import fewer
+from cellwright.engine.stages.planning.improvement.bounded import Pool, Searches
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.planning.improvement.exact import optimum
+from cellwright.engine.stages.planning.improvement.rounds import Growing, Improvement, Steps, cost
+from cellwright.engine.stages.planning.improvement.straighten import Cheaper, by_search
+from cellwright.engine.stages.planning.limits import Limits
+from cellwright.engine.stages.planning.portfolio import CLIMB, STRATEGIES
+from cellwright.engine.stages.planning.setting import Setting
+from cellwright.engine.stages.planning.variants import TooManyVariants, plainly
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.stopping import Stopped
 
 OTHERS = (
     ("asp", 20_000),
@@ -105,8 +105,8 @@ def _alternating(setting: Setting, pool: Pool, searches: Searches, limits: Limit
 
 def _windows(setting: Setting) -> list[Growing]:
     """Windows that searches plan anew, and windows that a solver plans anew."""
-    from engine.stages.planning.forward.weighted import within  # loads compiled kernels
-    from engine.stages.planning.stable_models.windows import Windows
+    from cellwright.engine.stages.planning.forward.weighted import within  # loads compiled kernels
+    from cellwright.engine.stages.planning.stable_models.windows import Windows
 
     task, regression = setting.task, setting.regression
     if regression is None:

@@ -8,15 +8,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
-from engine.model.replay import early, reached_goals
-from engine.model.task import Bits, GroundOperator, Task
-from engine.stages.planning.effort import Effort, OutOfRange
-from engine.stages.planning.elimination import eliminate, reached
-from engine.stages.planning.improvement.late import late
-from engine.stages.planning.improvement.needless import without_needless
-from engine.stages.planning.improvement.rounds import Steps, cost
-from engine.stages.planning.improvement.stretches import Stretch, stretches
-from engine.stages.planning.variants import plainly
+from cellwright.engine.model.replay import early, reached_goals
+from cellwright.engine.model.task import Bits, GroundOperator, Task
+from cellwright.engine.stages.planning.effort import Effort, OutOfRange
+from cellwright.engine.stages.planning.elimination import eliminate, reached
+from cellwright.engine.stages.planning.improvement.late import late
+from cellwright.engine.stages.planning.improvement.needless import without_needless
+from cellwright.engine.stages.planning.improvement.rounds import Steps, cost
+from cellwright.engine.stages.planning.improvement.stretches import Stretch, stretches
+from cellwright.engine.stages.planning.variants import plainly
 
 TRIES = 4  # searches for a stretch, which break ties differently
 FIRST = 150  # expansions of such a search at first
@@ -104,7 +104,7 @@ def _affords(effort: Effort, steps: Sequence[GroundOperator]) -> bool:
 
 def _anew(task: Task, state: Bits, stretch: Stretch, seed: int, bound: int, effort: Effort) -> Steps | None:
     """Steps from a state to what a stretch hands over, if they seem to cost less than `bound`; None if none are found."""
-    from engine.stages.planning.forward.search import Forward  # loads compiled kernels
+    from cellwright.engine.stages.planning.forward.search import Forward  # loads compiled kernels
 
     own, size, goals = task.operators, len(task.atoms), stretch.goals
     effort.generated += len(own)  # which the search packs first

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from engine.model.task import GroundOperator
-from engine.stages.planning.effort import Effort, OutOfRange, SearchResult
-from engine.stages.planning.improvement.rounds import Steps, cost
-from engine.stages.planning.setting import Setting
+from cellwright.engine.model.task import GroundOperator
+from cellwright.engine.stages.planning.effort import Effort, OutOfRange, SearchResult
+from cellwright.engine.stages.planning.improvement.rounds import Steps, cost
+from cellwright.engine.stages.planning.setting import Setting
 
 if TYPE_CHECKING:
-    from engine.stages.planning.forward.weighted import Weighted
+    from cellwright.engine.stages.planning.forward.weighted import Weighted
 
 WEIGHTS = (5, 3, 2, 1)  # how much the estimate counts, beside what a way has cost
 FIRST, MOST = (
@@ -84,12 +84,12 @@ class Searches:
 
     @cached_property
     def _layered(self) -> "Weighted":
-        from engine.stages.planning.forward.weighted import weighted  # loads compiled kernels
+        from cellwright.engine.stages.planning.forward.weighted import weighted  # loads compiled kernels
 
         return weighted(self._setting.task, landmarks=True)
 
     @cached_property
     def _plain(self) -> "Weighted":
-        from engine.stages.planning.forward.weighted import weighted
+        from cellwright.engine.stages.planning.forward.weighted import weighted
 
         return weighted(self._setting.task)

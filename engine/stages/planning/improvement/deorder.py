@@ -7,10 +7,10 @@ not run at the same time need an order, too, because unordered steps may overlap
 
 from collections.abc import Iterator, Sequence
 
-from engine.model.replay import joined
-from engine.model.task import Bits, GroundOperator, Task, indices
-from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from kb.terms import Function, Term
+from cellwright.engine.model.replay import joined
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from cellwright.kb.terms import Function, Term
 
 
 def deorder(

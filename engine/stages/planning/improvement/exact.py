@@ -3,11 +3,11 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.model.stages import REACHES
-from engine.model.task import Bits, GroundOperator
-from engine.stages.planning.improvement import cheapest
-from engine.stages.planning.improvement.cheapest import Cheapest, Words, rows
-from engine.stages.planning.limits import ROOM, Room
+from cellwright.engine.model.stages import REACHES
+from cellwright.engine.model.task import Bits, GroundOperator
+from cellwright.engine.stages.planning.improvement import cheapest
+from cellwright.engine.stages.planning.improvement.cheapest import Cheapest, Words, rows
+from cellwright.engine.stages.planning.limits import ROOM, Room
 
 WORD = 32  # bits
 DEAREST = 1_000_000  # no search for a plan that may cost more

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 from random import Random
 
-from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.stages.planning.variants import plainly
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.engine.stages.planning.variants import plainly
 
 
 def late(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:

@@ -6,10 +6,10 @@ values has no needless step. Here a plan is carried out anew without a step: val
 
 from collections.abc import Sequence
 
-from engine.model.replay import early, reached_goals, reaching_operators, settling
-from engine.model.stages import REACHES
-from engine.model.task import Bits, GroundOperator, Task
-from engine.stages.planning.effort import Effort
+from cellwright.engine.model.replay import early, reached_goals, reaching_operators, settling
+from cellwright.engine.model.stages import REACHES
+from cellwright.engine.model.task import Bits, GroundOperator, Task
+from cellwright.engine.stages.planning.effort import Effort
 
 Steps = list[GroundOperator]
 

@@ -6,13 +6,13 @@ Each round replaces detours and drops needless steps, until a round finds nothin
 from collections.abc import Callable, Iterator, Sequence
 from random import Random
 
-from engine.model.replay import early
-from engine.model.task import Bits, GroundOperator, Task
-from engine.stages.planning.effort import Effort
-from engine.stages.planning.elimination import eliminate
-from engine.stages.planning.improvement.late import grouped
-from engine.stages.planning.improvement.straighten import Cheaper, by_regression, straighten
-from engine.stages.planning.regression.space import Regression
+from cellwright.engine.model.replay import early
+from cellwright.engine.model.task import Bits, GroundOperator, Task
+from cellwright.engine.stages.planning.effort import Effort
+from cellwright.engine.stages.planning.elimination import eliminate
+from cellwright.engine.stages.planning.improvement.late import grouped
+from cellwright.engine.stages.planning.improvement.straighten import Cheaper, by_regression, straighten
+from cellwright.engine.stages.planning.regression.space import Regression
 
 Steps = list[GroundOperator]
 NARROW = ((6, 500), (12, 1500))  # (steps in a window, nodes that may be generated for it)

@@ -5,13 +5,13 @@ of block deordering and window optimisation, Siddiqui & Haslum 2015).
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from engine.model.task import Bits, GroundOperator, progress
-from engine.stages.planning.effort import Effort
-from engine.stages.planning.regression.searches import BestFirst
-from engine.stages.planning.regression.space import Backward, Regression
+from cellwright.engine.model.task import Bits, GroundOperator, progress
+from cellwright.engine.stages.planning.effort import Effort
+from cellwright.engine.stages.planning.regression.searches import BestFirst
+from cellwright.engine.stages.planning.regression.space import Backward, Regression
 
 if TYPE_CHECKING:
-    from engine.stages.planning.forward.weighted import Weighted
+    from cellwright.engine.stages.planning.forward.weighted import Weighted
 
 SHARE = 32  # a window's relaxed plans cost one node for this many operators
 

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from engine.model.task import Bits, GroundOperator, Task
-from engine.stages.planning.elimination import reached
-from engine.stages.planning.improvement.deorder import is_internal
-from engine.stages.planning.variants import plainly
-from kb.terms import Function
+from cellwright.engine.model.task import Bits, GroundOperator, Task
+from cellwright.engine.stages.planning.elimination import reached
+from cellwright.engine.stages.planning.improvement.deorder import is_internal
+from cellwright.engine.stages.planning.variants import plainly
+from cellwright.kb.terms import Function
 
 
 class Stretch(NamedTuple):

@@ -1,8 +1,8 @@
 # Types with which Cython compiles expansion.py. Its meaning is written there.
 import cython
 
-from engine.kernels.bits cimport indices
-from engine.stages.planning.relaxed_plans cimport RelaxedPlans
+from cellwright.engine.kernels.bits cimport indices
+from cellwright.engine.stages.planning.relaxed_plans cimport RelaxedPlans
 
 cdef object UNKNOWN
 

@@ -6,8 +6,8 @@ Plain Python, compiled with the types in `expansion.pxd`.
 
 from typing import Any
 
-from engine.kernels.bits import Bits, indices
-from engine.stages.planning.relaxed_plans import RelaxedPlans
+from cellwright.engine.kernels.bits import Bits, indices
+from cellwright.engine.stages.planning.relaxed_plans import RelaxedPlans
 
 UNKNOWN: Any = object()
 Successor = tuple[int, int, int, Bits]

@@ -7,7 +7,7 @@ other, and the other is possible together with the operator's preconditions.
 
 from collections.abc import Sequence
 
-from engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
 
 MAX_WORK = 40_000_000  # operators times atoms; above this only mutex groups are used
 

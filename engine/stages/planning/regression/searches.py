@@ -9,12 +9,12 @@ import itertools
 from collections.abc import Iterator, Sequence
 from hashlib import blake2b
 
-from engine.model.task import Bits
-from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
-from engine.stages.planning.regression.expansion import Successor
-from engine.stages.planning.regression.space import Backward, Node
-from engine.stages.planning.relaxed import FAR
-from engine.stages.planning.ties import chance
+from cellwright.engine.model.task import Bits
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from cellwright.engine.stages.planning.regression.expansion import Successor
+from cellwright.engine.stages.planning.regression.space import Backward, Node
+from cellwright.engine.stages.planning.relaxed import FAR
+from cellwright.engine.stages.planning.ties import chance
 
 OPERATOR, OPEN = 2, 3  # the places of the operator and of the open conditions in a successor
 NOTHING = -1  # in place of an operator: the node itself waits

@@ -11,12 +11,12 @@ import copy
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from engine.model.outcome import Offer
-from engine.model.task import Bits, GroundOperator
-from engine.stages.planning.composites import Composite, Pattern, composites
-from engine.stages.planning.effort import SearchResult
-from engine.stages.planning.regression.expansion import Expansion, Operators, Successor
-from engine.stages.planning.relaxed import FAR, Relaxation
+from cellwright.engine.model.outcome import Offer
+from cellwright.engine.model.task import Bits, GroundOperator
+from cellwright.engine.stages.planning.composites import Composite, Pattern, composites
+from cellwright.engine.stages.planning.effort import SearchResult
+from cellwright.engine.stages.planning.regression.expansion import Expansion, Operators, Successor
+from cellwright.engine.stages.planning.relaxed import FAR, Relaxation
 
 
 class Node(NamedTuple):

@@ -10,7 +10,7 @@ persist (Gebser et al. 2013).
 import graphlib
 from collections.abc import Iterator, Sequence
 
-from engine.model.task import Bits, GroundOperator, indices
+from cellwright.engine.model.task import Bits, GroundOperator, indices
 
 STEP = """
 { occurs(O,t) } :- first(O,L), L <= t.

@@ -8,12 +8,19 @@ the initial state visits only different states (Biere et al. 1999).
 from collections.abc import Sequence
 from functools import cached_property
 
-from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
-from engine.stages.planning.relaxed import levels
-from engine.stages.planning.stable_models.encoding import OPTIONS, PARALLEL, SINGLE, STEP, facts, sequence
-from kb.asp.steps import Shown, Solver
-from kb.terms import Function, Number
+from cellwright.engine.model.task import Bits, GroundOperator, Task, indices
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
+from cellwright.engine.stages.planning.relaxed import levels
+from cellwright.engine.stages.planning.stable_models.encoding import (
+    OPTIONS,
+    PARALLEL,
+    SINGLE,
+    STEP,
+    facts,
+    sequence,
+)
+from cellwright.kb.asp.steps import Shown, Solver
+from cellwright.kb.terms import Function, Number
 
 ASK = """
 #external asked(t).

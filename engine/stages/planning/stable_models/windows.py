@@ -5,11 +5,11 @@ Each answer lowers the bound for the next.
 
 from collections.abc import Sequence
 
-from engine.model.task import Bits, GroundOperator, indices
-from engine.stages.planning.effort import Effort
-from engine.stages.planning.relaxed import levels
-from engine.stages.planning.stable_models.encoding import OPTIONS, PARALLEL, STEP, facts, sequence
-from kb.asp.steps import Solver
+from cellwright.engine.model.task import Bits, GroundOperator, indices
+from cellwright.engine.stages.planning.effort import Effort
+from cellwright.engine.stages.planning.relaxed import levels
+from cellwright.engine.stages.planning.stable_models.encoding import OPTIONS, PARALLEL, STEP, facts, sequence
+from cellwright.kb.asp.steps import Solver
 
 SHORT = 12  # up to this length the replacement has one step less; for longer windows about half
 BELOW = """

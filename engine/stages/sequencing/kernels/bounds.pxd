@@ -1,6 +1,6 @@
 # The types with which Cython compiles bounds.py. That file says what they mean.
 import cython
-from engine.stages.sequencing.kernels.chain cimport Cost
+from cellwright.engine.stages.sequencing.kernels.chain cimport Cost
 
 cdef double GRAIN, WHOLE, INFINITE
 

@@ -8,9 +8,9 @@ of them with integer costs are exact in floating point, and a bound has no round
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Ints
-from engine.kernels.cancellation import Interrupted, never
-from engine.stages.sequencing.kernels.chain import Costs
+from cellwright.engine.kernels.arrays import Floats, Ints
+from cellwright.engine.kernels.cancellation import Interrupted, never
+from cellwright.engine.stages.sequencing.kernels.chain import Costs
 
 GRAIN = 64.0
 WHOLE = float(1 << 52)  # from here on all floating-point numbers are whole

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Ints, Longs
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs
 
 Costs = NDArray[Any]  # whole numbers of 32 or 64 bits
 NEVER = 1 << 60

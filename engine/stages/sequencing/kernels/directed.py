@@ -8,8 +8,8 @@ precedence and reversal, only the changed arcs are priced; else the whole order 
 
 import numpy as np
 
-from engine.kernels.arrays import Ints, Longs, whole
-from engine.stages.sequencing.kernels.twister import Stream
+from cellwright.engine.kernels.arrays import Ints, Longs, whole
+from cellwright.engine.stages.sequencing.kernels.twister import Stream
 
 LONGEST = 30
 

@@ -2,7 +2,7 @@
 # cython: cdivision=True
 """Costs between cities: looked up in a matrix, or computed from points.
 
-The figures are those of `engine.model.metric`, computed by the same operations in the same order.
+The figures are those of `cellwright.engine.model.metric`, computed by the same operations in the same order.
 """
 
 import math
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Floats, Ints, Longs, whole
-from engine.kernels.arrays import real as reals
+from cellwright.engine.kernels.arrays import Floats, Ints, Longs, whole
+from cellwright.engine.kernels.arrays import real as reals
 
 NARROW, WIDE, ROUNDED, RAISED, MANHATTAN, LARGEST, PSEUDO, MICROMETRES = range(8)
 METRICS = {

@@ -11,8 +11,8 @@ An exchange is evaluated before anything is moved. Most exchanges are rejected, 
 
 import numpy as np
 
-from engine.kernels.arrays import Ints, Longs, whole
-from engine.stages.sequencing.kernels.distances import Distances
+from cellwright.engine.kernels.arrays import Ints, Longs, whole
+from cellwright.engine.stages.sequencing.kernels.distances import Distances
 
 ROOM = 8  # rows of the journal that one exchange may need
 JOURNAL = 16384  # rows of the journal

@@ -8,7 +8,7 @@ sorted by the digits of whole numbers. City 0 is the one that is no part of the 
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Ints
+from cellwright.engine.kernels.arrays import Floats, Ints
 
 GRAIN = 64.0
 DIGIT = 11  # bits of a number that are sorted by at once

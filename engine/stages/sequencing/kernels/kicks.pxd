@@ -1,7 +1,7 @@
 # The types with which Cython compiles kicks.py. That file says what they mean.
 import cython
-from engine.stages.sequencing.kernels.exchange cimport Ring
-from engine.stages.sequencing.kernels.twister cimport Stream
+from cellwright.engine.stages.sequencing.kernels.exchange cimport Ring
+from cellwright.engine.stages.sequencing.kernels.twister cimport Stream
 
 cdef int SEGMENT, WALK, SPAN, TRIES
 cdef double SPATIAL

@@ -7,10 +7,10 @@ Martin, Otto & Felten 1991 (double-bridge kicks with annealed acceptance); here 
 
 import numpy as np
 
-from engine.kernels.arrays import Ints, Longs, whole
-from engine.stages.sequencing.kernels.distances import Distances
-from engine.stages.sequencing.kernels.exchange import Ring
-from engine.stages.sequencing.kernels.twister import Stream
+from cellwright.engine.kernels.arrays import Ints, Longs, whole
+from cellwright.engine.stages.sequencing.kernels.distances import Distances
+from cellwright.engine.stages.sequencing.kernels.exchange import Ring
+from cellwright.engine.stages.sequencing.kernels.twister import Stream
 
 SEGMENT = 30  # cities between the cuts of a kick along the tour
 WALK = 10  # steps between the cuts of a kick in space

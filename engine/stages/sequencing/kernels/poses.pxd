@@ -1,6 +1,6 @@
 # The types with which Cython compiles poses.py. That file says what they mean.
 import cython
-from engine.stages.sequencing.kernels.twister cimport Stream
+from cellwright.engine.stages.sequencing.kernels.twister cimport Stream
 
 cdef double BIG, NOISE
 cdef int MOST

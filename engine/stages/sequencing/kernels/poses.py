@@ -12,8 +12,8 @@ generalised tours. The layered shortest path over poses is that of Suarez-Ruiz, 
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Ints, real, whole
-from engine.stages.sequencing.kernels.twister import Stream
+from cellwright.engine.kernels.arrays import Floats, Ints, real, whole
+from cellwright.engine.stages.sequencing.kernels.twister import Stream
 
 BIG = 1e300
 MOST = 12  # the greatest number of visits that one round removes

@@ -1,6 +1,6 @@
 # The types with which Cython compiles trees.py. That file says what they mean.
 import cython
-from engine.stages.sequencing.kernels.distances cimport Distances
+from cellwright.engine.stages.sequencing.kernels.distances cimport Distances
 
 cdef double INFINITE
 

@@ -8,8 +8,8 @@ one that is no part of the tree and has two edges.
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Ints
-from engine.stages.sequencing.kernels.distances import Distances
+from cellwright.engine.kernels.arrays import Floats, Ints
+from cellwright.engine.stages.sequencing.kernels.distances import Distances
 
 INFINITE = float("inf")
 

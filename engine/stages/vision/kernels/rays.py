@@ -11,7 +11,7 @@ import math
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, refuse_unless
+from cellwright.engine.kernels.arrays import Floats, Longs, refuse_unless
 
 NEAR = 1e-6  # metres: what is nearer to the eye's plane is not seen
 NONE = -1

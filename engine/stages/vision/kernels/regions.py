@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, refuse_unless
+from cellwright.engine.kernels.arrays import Floats, Longs, refuse_unless
 
 DOUBT = 1e30  # how badly a block without enough pixels fits
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Bytes, Floats, Longs, Truths, refuse_unless
+from cellwright.engine.kernels.arrays import Bytes, Floats, Longs, Truths, refuse_unless
 
 AROUND, SQUARE = (
     4,

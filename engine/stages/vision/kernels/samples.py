@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, refuse_unless
+from cellwright.engine.kernels.arrays import Floats, refuse_unless
 
 
 class Samples:

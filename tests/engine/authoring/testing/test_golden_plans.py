@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from engine.authoring.starter import create
-from engine.authoring.testing.golden import compare_all, update
-from kb.diagnostics import InvalidInput
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.authoring.testing.golden import compare_all, update
+from cellwright.kb.diagnostics import InvalidInput
 
 pytest_plugins = ["pytester"]
 

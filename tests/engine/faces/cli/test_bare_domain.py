@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 
 SATELLITE = Path(__file__).parents[3] / "domains" / "satellite"
 GOALS = "contact(module_latch(module_1), bus_bay(bus, bay_1))"

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from engine.authoring.starter import create
-from engine.faces.cli import app
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.faces.cli import app
 
 run = CliRunner().invoke
 
@@ -90,7 +90,7 @@ def test_internal_errors_exit_with_70_and_no_traceback(monkeypatch: pytest.Monke
     def broken(*_: object) -> None:
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr("engine.pipelines.planning.problem_of", broken)
+    monkeypatch.setattr("cellwright.engine.pipelines.planning.problem_of", broken)
     result = run(app, ["plan", "bulkhead/one_point"])
     assert result.exit_code == 70, result.output
     assert "internal error: RuntimeError: a bug" in result.stderr
@@ -105,13 +105,13 @@ def test_a_place_where_nothing_can_be_written_is_bad_input(tmp_path: Path) -> No
 
 
 def test_a_reader_that_goes_away_is_no_error() -> None:
-    command = f"{sys.executable} -m engine.faces.cli schema domain | head -1"
+    command = f"{sys.executable} -m cellwright.engine.faces.cli schema domain | head -1"
     result = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert (result.stdout, result.stderr) == ("{\n", "")
 
 
 def test_help_names_every_command_and_loads_nothing_heavy() -> None:
-    code = "import sys; from engine.faces.cli import app; heavy = {'clingo', 'ortools', 'pydantic', 'networkx', 'numpy'}"
+    code = "import sys; from cellwright.engine.faces.cli import app; heavy = {'clingo', 'ortools', 'pydantic', 'networkx', 'numpy'}"
     code += "; print(sorted(heavy & set(sys.modules)))"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "[]\n"

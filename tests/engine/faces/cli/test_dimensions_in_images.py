@@ -8,14 +8,14 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.formats.interop.range_files import read_ranges, write_ranges
-from engine.kernels.rigid import translation
-from engine.model.geometry import Floats
-from engine.model.ranging import RangeImage, picture_of
-from engine.stages.vision.ranging import expected, resolved, scanned
-from kb.diagnostics import InvalidInput
-from kb.model.ranging import Ranging
+from cellwright.engine.faces.cli import app
+from cellwright.engine.formats.interop.range_files import read_ranges, write_ranges
+from cellwright.engine.kernels.rigid import translation
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.ranging import RangeImage, picture_of
+from cellwright.engine.stages.vision.ranging import expected, resolved, scanned
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.ranging import Ranging
 from tests.engine.stages.solids import block
 
 TOOL = Ranging("laser", 48, 48, float(np.radians(8)), 0.3, 5e-5, 0.5, 0.0024, 0.0001)

@@ -31,7 +31,15 @@ def typed(words: list[str], keys: str, outcome: bytes, folder: Path) -> tuple[by
     """What a command shows on a terminal where `keys` are pressed once its display is there, and its exit code."""
     outer, inner = pty.openpty()
     before = termios.tcgetattr(inner)
-    line = [sys.executable, "-m", "engine.faces.cli", *words, "--watch", "--store", str(folder / "r.db")]
+    line = [
+        sys.executable,
+        "-m",
+        "cellwright.engine.faces.cli",
+        *words,
+        "--watch",
+        "--store",
+        str(folder / "r.db"),
+    ]
     environment = {**os.environ, "PYTHONPATH": str(TOP), "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
     with subprocess.Popen(line, stdin=inner, stdout=inner, stderr=inner, env=environment, cwd=folder) as run:
         seen = shown(outer, b"mars_gripper")

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from kb.store.journal import Journal
+from cellwright.kb.store.journal import Journal
 
-RUN = [sys.executable, "-m", "engine.faces.cli", "run", "themse/one", "--name", "unread"]
+RUN = [sys.executable, "-m", "cellwright.engine.faces.cli", "run", "themse/one", "--name", "unread"]
 
 
 @pytest.mark.slow

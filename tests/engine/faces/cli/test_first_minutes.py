@@ -13,10 +13,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from engine.authoring.starter import create
-from engine.faces.cli import app, completion, slow
-from engine.faces.cli.purposes import OPTIONS_FOR, VERBS_FOR, first_sentence
-from engine.faces.cli.verbs import VERBS
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.faces.cli import app, completion, slow
+from cellwright.engine.faces.cli.purposes import OPTIONS_FOR, VERBS_FOR, first_sentence
+from cellwright.engine.faces.cli.verbs import VERBS
 from tests.places import TOP
 
 PROGRAM = typer.main.get_command(app)
@@ -122,7 +122,7 @@ def test_a_shell_completes_problems(shell: str, tmp_path: Path) -> None:
         "_TYPER_COMPLETE_ARGS": "cellwright plan bulkhead/tw",
         "_TYPER_COMPLETE_FISH_ACTION": "get-args",
     }
-    code = "import sys; sys.argv = ['cellwright']; from engine.faces.cli import main; main()"
+    code = "import sys; sys.argv = ['cellwright']; from cellwright.engine.faces.cli import main; main()"
     ran = subprocess.run(
         [sys.executable, "-c", code],
         env=environment,

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.formats.interop.results import ResultForm, written
-from engine.kernels.rigid import transform, turned
-from engine.model.measurement import MeasurementPoint
-from engine.pipelines.points import points
-from kb.loader import load
-from kb.model.results import Measured, Results
+from cellwright.engine.faces.cli import app
+from cellwright.engine.formats.interop.results import ResultForm, written
+from cellwright.engine.kernels.rigid import transform, turned
+from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.engine.pipelines.points import points
+from cellwright.kb.loader import load
+from cellwright.kb.model.results import Measured, Results
 from tests.places import BUNDLED
 
 SHIFT = np.array([0.004, -0.007, 0.012])

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from engine.authoring.starter import create
-from engine.faces.cli import app
-from engine.faces.cli.verbs import VERBS
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.faces.cli import app
+from cellwright.engine.faces.cli.verbs import VERBS
 from tests.places import TOP
 
 OURS = ("cellwright", "domains", "engine", "kb")
@@ -114,7 +114,7 @@ def test_every_verb_has_a_job() -> None:
 
 RUN_ALL = """import json, sys
 from typer.testing import CliRunner
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 
 if __name__ == "__main__":
     told = {}
@@ -152,7 +152,9 @@ def test_the_installed_script_answers_beside_packages_with_our_names(verb: str, 
 @pytest.mark.slow
 def test_a_folder_of_domains_hides_no_bundled_one_even_where_python_looks_in_it_first(tmp_path: Path) -> None:
     _shadow(tmp_path, "domains")
-    ran = run(tmp_path, sys.executable, "-m", "engine.faces.cli", "export", "pddl", "bulkhead/one_point")
+    ran = run(
+        tmp_path, sys.executable, "-m", "cellwright.engine.faces.cli", "export", "pddl", "bulkhead/one_point"
+    )
     assert ran.returncode == 0, ran.stderr
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from kb.targets import BUNDLED
+from cellwright.engine.faces.cli import app
+from cellwright.kb.targets import BUNDLED
 
 UNUSUAL = "domain: d\ntypes:\n    place: object   # where\n"
 USUAL = "domain: d\ntypes:\n  place: object     # where\n"

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 from tests.places import BUNDLED
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 from tests.engine.formats.interop.parts import Document, plane, segment
 from tests.places import BUNDLED
 

@@ -23,7 +23,7 @@ ran = subprocess.run(sys.argv[1:])
 print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)  # kilobytes; a small process forks it, so that it is its own
 sys.exit(ran.returncode)
 """
-COMMAND = [sys.executable, "-m", "engine.faces.cli"]
+COMMAND = [sys.executable, "-m", "cellwright.engine.faces.cli"]
 
 
 @pytest.fixture
@@ -88,8 +88,8 @@ def test_a_problem_that_needs_no_grounding_keeps_its_answer(cell: Path) -> None:
 
 IN_A_CALLBACK = """
 import time, weakref
-from engine.faces.cli import watchdog
-from kb.stopping import Stopped
+from cellwright.engine.faces.cli import watchdog
+from cellwright.kb.stopping import Stopped
 
 class Module: pass
 
@@ -153,8 +153,8 @@ def test_what_fails_after_ctrl_c_fails_because_of_it() -> None:
     """A library that is half loaded when Ctrl-C comes may raise anything."""
     script = """
 import signal
-from engine.faces.cli.answers import Form, give
-from engine.faces.cli.watchdog import own_process, watching
+from cellwright.engine.faces.cli.answers import Form, give
+from cellwright.engine.faces.cli.watchdog import own_process, watching
 
 def work():
     try:
@@ -183,7 +183,7 @@ def test_a_command_ends_at_once_and_leaves_its_library_closed(tmp_path: Path) ->
 
 LEFT_AT_WORK = """
 import sys, threading, time
-from engine.faces.cli.ending import leave
+from cellwright.engine.faces.cli.ending import leave
 threading.Thread(target=time.sleep, args=(1.5,)).start()
 leave(int(sys.argv[1]))
 print("it waits")

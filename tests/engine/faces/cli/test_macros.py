@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from engine.authoring.starter import create
-from engine.faces.cli import app
-from engine.pipelines.preparation.problem import work
-from engine.pipelines.preparation.results import PreparationJob
-from engine.pipelines.units import Drafted
-from engine.pipelines.units.content import content
+from cellwright.engine.authoring.starter import create
+from cellwright.engine.faces.cli import app
+from cellwright.engine.pipelines.preparation.problem import work
+from cellwright.engine.pipelines.preparation.results import PreparationJob
+from cellwright.engine.pipelines.units import Drafted
+from cellwright.engine.pipelines.units.content import content
 from tests.places import BUNDLED
 
 BULKHEAD = BUNDLED / "bulkhead"
@@ -174,7 +174,7 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
 def test_measurements_that_are_too_many_to_be_planned_at_once_are_prepared_one_after_another(
     store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("engine.pipelines.preparation.problem.LARGE", 100)
+    monkeypatch.setattr("cellwright.engine.pipelines.preparation.problem.LARGE", 100)
     problem = BULKHEAD / "problems" / "twelve_points.yaml"
     made = work(PreparationJob(problem, store, 100_000, 0, content(problem)), lambda: False)
     assert isinstance(made, Drafted)

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 
-COMMAND = (sys.executable, "-m", "engine.faces.cli")
+COMMAND = (sys.executable, "-m", "cellwright.engine.faces.cli")
 FULL = Path("/dev/full")
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
 
@@ -220,9 +220,9 @@ def test_ctrl_c_while_modules_are_loaded_ends_the_process_without_a_word(argumen
         "import os, signal, sys\n"
         "class Interrupting:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'engine.faces.cli.command': os.kill(os.getpid(), signal.SIGINT)\n"
+        "        if name == 'cellwright.engine.faces.cli.command': os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Interrupting())\n"
-        "from engine.faces.cli import main\n"
+        "from cellwright.engine.faces.cli import main\n"
         "main()\n"
     )
     result = subprocess.run(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 
 run = CliRunner().invoke
 WAY = ["motion", "plan", "bulkhead", "--from", "home", "--to", "meas(m2)"]
@@ -87,7 +87,7 @@ def test_without_ends_or_problems_nothing_is_planned() -> None:
 
 
 def test_ends_are_shown_with_four_digits() -> None:
-    from engine.formats.report.motion_tables import _short
+    from cellwright.engine.formats.report.motion_tables import _short
 
     assert _short("t3: -84.2873195073, 0.1234567, 90") == "t3: -84.29, 0.1235, 90"
     assert _short("rack(slra)") == "rack(slra)"

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 import typer.testing
 
-from engine.faces.cli import limited
-from engine.faces.cli.application import app
-from engine.faces.cli.limited import parameters
-from engine.faces.cli.plain_lines import _Place, _Unusual, plain_call, read
-from engine.faces.cli.verbs import VERBS, is_group, verb
+from cellwright.engine.faces.cli import limited
+from cellwright.engine.faces.cli.application import app
+from cellwright.engine.faces.cli.limited import parameters
+from cellwright.engine.faces.cli.plain_lines import _Place, _Unusual, plain_call, read
+from cellwright.engine.faces.cli.verbs import VERBS, is_group, verb
 
 ALONE = [name for name in VERBS if not is_group(name)]
 WORDS = (

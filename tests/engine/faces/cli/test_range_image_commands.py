@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app, exits
-from engine.formats.interop.range_files import read_ranges, write_ranges
+from cellwright.engine.faces.cli import app, exits
+from cellwright.engine.formats.interop.range_files import read_ranges, write_ranges
 
 PATCH = "face=plane:100,100,150,150"
 

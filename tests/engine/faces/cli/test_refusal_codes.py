@@ -5,10 +5,10 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.pipelines import planning
-from engine.plugins import geometry_backend
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.cli import app
+from cellwright.engine.pipelines import planning
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb.diagnostics import InvalidInput
 from tests.refusals import REFUSALS
 
 LINES = [(code, line) for code, lines in REFUSALS.items() for line in lines]

@@ -10,7 +10,7 @@ from numpy._core._multiarray_umath import __cpu_dispatch__
 from tests.places import TOP
 
 MOTIONS = """
-import typer.testing, engine.faces.cli
+import typer.testing, cellwright.engine.faces.cli
 
 for cell, to, *more in (
     ("bulkhead", "meas(m2)"),
@@ -21,7 +21,7 @@ for cell, to, *more in (
     ("themse", "slot(furnace, 1)", "--margin", "0.002"),
 ):
     words = ["motion", "plan", cell, "--from", "home", "--to", to, *more, "--format", "json"]
-    answer = typer.testing.CliRunner().invoke(engine.faces.cli.app, words)
+    answer = typer.testing.CliRunner().invoke(cellwright.engine.faces.cli.app, words)
     assert answer.exit_code == 0, answer.output
     print(answer.stdout)
 """

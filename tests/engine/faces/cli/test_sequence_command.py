@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 
 RING = "\n".join(
     f"{i + 1} {round(1000 * np.cos(a))} {round(1000 * np.sin(a))}"

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app, terminal
-from engine.formats.report import dot
-from kb.diagnostics import Diagnostic, Source, escaped
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Function, Text
+from cellwright.engine.faces.cli import app, terminal
+from cellwright.engine.formats.report import dot
+from cellwright.kb.diagnostics import Diagnostic, Source, escaped
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Function, Text
 
 EVIL = "a\x1b[31m\x9b1m\u202eb\x07\r\x7f\u2066"
 COMMANDING = set("\x1b\x9b\u202e\x07\r\x7f\u2066\u2028\ud800")

@@ -20,7 +20,7 @@ def test_a_plain_plan_loads_nothing_of_other_commands(tmp_path: Path, strategy: 
     domain.write_text(DOMAIN)
     problem.write_text(PROBLEM)
     loaded = loaded_by("plan", "--pddl", str(domain), str(problem), "--strategy", strategy)
-    assert loaded & {*HEAVY, "lark", "pydantic", "yaml", "engine.formats.report.gantt"} == set()
+    assert loaded & {*HEAVY, "lark", "pydantic", "yaml", "cellwright.engine.formats.report.gantt"} == set()
 
 
 @pytest.mark.slow
@@ -30,7 +30,7 @@ def test_a_plan_for_a_problem_of_our_own_loads_no_store_and_no_kernels_of_geomet
 
 def loaded_by(*command: str) -> set[str]:
     """The modules that a command in a process of its own has loaded when it ends."""
-    code = "import atexit, sys; from engine.faces.cli import main"
+    code = "import atexit, sys; from cellwright.engine.faces.cli import main"
     code += "; atexit.register(lambda: print(*sys.modules, file=sys.stderr)); main()"
     ran = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True)
     return set(ran.stderr.split())
@@ -49,7 +49,10 @@ def test_what_ends_at_once_has_written_its_answer_and_keeps_its_exit_code(
     command: tuple[str, ...], code: int, said: str
 ) -> None:
     ran = subprocess.run(
-        [sys.executable, "-m", "engine.faces.cli", *command], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "cellwright.engine.faces.cli", *command],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert ran.returncode == code
     assert said in ran.stdout + ran.stderr
@@ -65,6 +68,6 @@ def test_what_ends_at_once_has_written_its_answer_and_keeps_its_exit_code(
 )
 def test_what_is_open_is_closed_before_the_end(before: str, code: int, said: str) -> None:
     """`leave` comes back only if threads run, so that the interpreter ends as usual; otherwise nothing after it runs."""
-    script = f"import sys; from engine.faces.cli.ending import leave; {before}; leave(3); print('came back')"
+    script = f"import sys; from cellwright.engine.faces.cli.ending import leave; {before}; leave(3); print('came back')"
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (ran.returncode, " ".join(ran.stdout.split())) == (code, said)

@@ -8,7 +8,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
+from cellwright.engine.faces.cli import app
 
 CELLS = Path(__file__).parents[3] / "domains"
 SATELLITE = str(CELLS / "satellite")

@@ -12,12 +12,12 @@ types = pytest.importorskip("lsprotocol.types")
 from hypothesis import given  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 
-from engine.faces.lsp.desk import Desk  # noqa: E402
-from engine.faces.lsp.findings import Findings  # noqa: E402
-from engine.faces.lsp.positions import Lines, changed  # noqa: E402
-from engine.faces.lsp.server import ANSWERS  # noqa: E402
-from engine.pipelines.editing import quick, thorough  # noqa: E402
-from kb.targets import BUNDLED  # noqa: E402
+from cellwright.engine.faces.lsp.desk import Desk  # noqa: E402
+from cellwright.engine.faces.lsp.findings import Findings  # noqa: E402
+from cellwright.engine.faces.lsp.positions import Lines, changed  # noqa: E402
+from cellwright.engine.faces.lsp.server import ANSWERS  # noqa: E402
+from cellwright.engine.pipelines.editing import quick, thorough  # noqa: E402
+from cellwright.kb.targets import BUNDLED  # noqa: E402
 
 TEXTS = st.text(alphabet="ab é𝛼\n\r\t(\u2028\x0c", max_size=40)
 

@@ -10,8 +10,8 @@ pytest.importorskip("pygls")
 
 from pygls.lsp.server import LanguageServer
 
-from engine.faces.lsp import orders
-from engine.faces.lsp.desk import Desk
+from cellwright.engine.faces.lsp import orders
+from cellwright.engine.faces.lsp.desk import Desk
 
 
 class Progress:

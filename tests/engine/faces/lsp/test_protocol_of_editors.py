@@ -16,10 +16,10 @@ import pytest
 
 pytest.importorskip("pygls")
 
-from kb.targets import BUNDLED
+from cellwright.kb.targets import BUNDLED
 
 TOP = Path(__file__).parents[4]
-COMMAND = [sys.executable, "-c", "from engine.faces.cli import main; main()", "lsp", "--stdio"]
+COMMAND = [sys.executable, "-c", "from cellwright.engine.faces.cli import main; main()", "lsp", "--stdio"]
 WINDOW = {"workDoneProgress": True, "showDocument": {"support": True}}
 
 

@@ -25,7 +25,7 @@ QUIET = (
     "--disable-component-update",
     "--enable-unsafe-swiftshader",
 )
-CELLWRIGHT = [sys.executable, "-m", "engine.faces.cli"]
+CELLWRIGHT = [sys.executable, "-m", "cellwright.engine.faces.cli"]
 PATIENCE_MS = 90_000
 Serve = Callable[..., str]
 

@@ -4,8 +4,8 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from engine.faces.monitor.following import Watched
-from engine.model.execution import Record, RecordKind
+from cellwright.engine.faces.monitor.following import Watched
+from cellwright.engine.model.execution import Record, RecordKind
 
 CRATE = {"at": [0.5, 0.0, 0.2], "rpy": [0.0, 0.0, 0.0], "box": [0.06, 0.06, 0.4]}
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from engine.faces.monitor.charts import belief_chart
-from engine.faces.monitor.choosing import mentions, related, steps_of, told_of
-from engine.faces.monitor.following import Watched
-from engine.faces.monitor.jobs import shown
-from engine.faces.monitor.shared import Shared
-from engine.model.execution import Record, RecordKind
+from cellwright.engine.faces.monitor.charts import belief_chart
+from cellwright.engine.faces.monitor.choosing import mentions, related, steps_of, told_of
+from cellwright.engine.faces.monitor.following import Watched
+from cellwright.engine.faces.monitor.jobs import shown
+from cellwright.engine.faces.monitor.shared import Shared
+from cellwright.engine.model.execution import Record, RecordKind
 
 PLAN = {
     "why": "first", "forecast_ms": 9, "goals": ["hot(a)"], "given_up": [], "order": [1, 2],

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from engine.faces.monitor.door import Door, Once
-from engine.faces.monitor.shared import Shared
+from cellwright.engine.faces.monitor.door import Door, Once
+from cellwright.engine.faces.monitor.shared import Shared
 
 TOKEN = "a-token"
 HOST = "127.0.0.1:8210"

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from engine.faces.monitor.charts import gantt, run_chart
-from engine.faces.monitor.following import KEPT, Follower, Watched, first_difference, record_of
-from kb.diagnostics import InvalidInput
-from kb.store.journal import Journal, Line
+from cellwright.engine.faces.monitor.charts import gantt, run_chart
+from cellwright.engine.faces.monitor.following import KEPT, Follower, Watched, first_difference, record_of
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.journal import Journal, Line
 
 PLAN = {
     "why": "first", "forecast_ms": 20_000, "goals": ["hot(a)", "cold(b)"], "given_up": [["cold(b)", "no ice"]],

@@ -4,9 +4,9 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from engine.faces.monitor.following import Watched
-from engine.faces.monitor.goals import GoalIndex
-from engine.model.execution import Record, RecordKind
+from cellwright.engine.faces.monitor.following import Watched
+from cellwright.engine.faces.monitor.goals import GoalIndex
+from cellwright.engine.model.execution import Record, RecordKind
 
 GOALS = [
     "measured(_, _, meas(m1))",

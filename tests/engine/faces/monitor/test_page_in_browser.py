@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.faces.monitor.following import Follower
-from engine.pipelines.execution.retracing import Resting, Retracing, world_during
-from engine.pipelines.planning import problem_of
-from engine.plugins import geometry_backend
-from engine.stages.geometry.pictures.stl import poses
-from kb.loader.cell import cell_of
-from kb.store.journal import Journal, Line
+from cellwright.engine.faces.monitor.following import Follower
+from cellwright.engine.pipelines.execution.retracing import Resting, Retracing, world_during
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.pictures.stl import poses
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.store.journal import Journal, Line
 from tests.engine.faces.monitor.conftest import Serve, at, run_there
 
 pytestmark = pytest.mark.slow

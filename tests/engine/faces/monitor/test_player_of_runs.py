@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from engine.faces.monitor.following import Follower
-from engine.faces.monitor.playing import Player
-from kb.store.journal import Journal, Line
+from cellwright.engine.faces.monitor.following import Follower
+from cellwright.engine.faces.monitor.playing import Player
+from cellwright.kb.store.journal import Journal, Line
 
 TIMES = (0, 0, 1_000, 5_000, 5_000, 60_000)
 

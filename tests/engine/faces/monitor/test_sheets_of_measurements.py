@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.faces.monitor.sheets import Part, Sheets, read_point, verdict, written_point
-from engine.stages.geometry.shapes.snapping import SnapTo
-from kb.diagnostics import InvalidInput
+from cellwright.engine.faces.monitor.sheets import Part, Sheets, read_point, verdict, written_point
+from cellwright.engine.stages.geometry.shapes.snapping import SnapTo
+from cellwright.kb.diagnostics import InvalidInput
 
 POINT: dict[str, Any] = {
     "name": "p1", "kind": "thickness", "at": [100.02, 200.0, 0.0], "normal": [0, 0, -2], "nominal": 20,

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from engine.faces.monitor.following import Follower, record_of
-from engine.formats.interop.qif.points import inspection_of
-from engine.model.execution import RecordKind
-from kb.store.journal import Journal, Line
+from cellwright.engine.faces.monitor.following import Follower, record_of
+from cellwright.engine.formats.interop.qif.points import inspection_of
+from cellwright.engine.model.execution import RecordKind
+from cellwright.kb.store.journal import Journal, Line
 from tests.engine.faces.monitor.conftest import Serve, approved, at, begun, started
 from tests.engine.formats.interop.parts import Document, plane, segment
 

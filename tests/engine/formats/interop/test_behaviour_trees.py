@@ -10,18 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.formats.interop.behaviour_trees import written
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.simulation.dynamics import Dynamics
-from engine.stages.validation.datalog import holds
-from kb.loader import load
-from kb.model.domain import Domain, Operator
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.targets import find
-from kb.terms import Function, Variable
+from cellwright.engine.faces.cli import app
+from cellwright.engine.formats.interop.behaviour_trees import written
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.simulation.dynamics import Dynamics
+from cellwright.engine.stages.validation.datalog import holds
+from cellwright.kb.loader import load
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.targets import find
+from cellwright.kb.terms import Function, Variable
 from tests.engine.formats.interop.ticking import Status, Tree
 from tests.properties.problems import problems
 
@@ -144,7 +144,7 @@ def test_variables_whose_names_are_taken_get_ports_of_other_names() -> None:
 
 
 def _parameter(name: str) -> "object":
-    from kb.model.conditions import Parameter
+    from cellwright.kb.model.conditions import Parameter
 
     return Parameter(Variable(name), "thing")
 

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.interop.editing import added, removed
-from engine.formats.interop.inspections import rewrite
-from engine.formats.interop.lists import listed
-from engine.model.measurement import MeasurementPoint
-from engine.model.measurements import measurements_of
-from kb.diagnostics import InvalidInput
-from kb.loader import load, load_domain, load_problem
-from kb.model.conventions import Conventions
-from kb.targets import BUNDLED
+from cellwright.engine.formats.interop.editing import added, removed
+from cellwright.engine.formats.interop.inspections import rewrite
+from cellwright.engine.formats.interop.lists import listed
+from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.engine.model.measurements import measurements_of
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load, load_domain, load_problem
+from cellwright.kb.model.conventions import Conventions
+from cellwright.kb.targets import BUNDLED
 
 WORDS = Conventions()
 NEW = MeasurementPoint("m4", "m4", "profile", (0.001, 0.002, 0.003), (0.0, 0.0, 1.0))

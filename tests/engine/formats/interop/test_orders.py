@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.orders import every_order
-from engine.stages.validation import validate
-from kb.model.conditions import And, Exists, Literal, Not, Parameter
-from kb.model.domain import Domain, Effect, Kind, Operator, Predicate, Type
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function, Variable
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.orders import every_order
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.conditions import And, Exists, Literal, Not, Parameter
+from cellwright.kb.model.domain import Domain, Effect, Kind, Operator, Predicate, Type
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Variable
 
 
 def flipped(count: int) -> tuple[Problem, Plan]:

@@ -3,11 +3,11 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.pddl import PddlProblem, read_pddl
-from engine.formats.interop.pddl.plans import read_plan, write_plan
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from kb.diagnostics import InvalidInput
+from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl
+from cellwright.engine.formats.interop.pddl.plans import read_plan, write_plan
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.kb.diagnostics import InvalidInput
 
 DOMAIN = """\
 (define (domain delivery-robot)

@@ -9,22 +9,30 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
-from engine.formats.interop.pddl import PddlProblem, read_pddl
-from engine.formats.interop.pddl.export import PddlText, export, import_plan
-from engine.formats.interop.pddl.expressions import actions
-from engine.formats.interop.pddl.plans import read_plan
-from engine.formats.interop.pddl.plans import write_plan as write_pddl_plan
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from engine.stages.validation import validate
-from kb.diagnostics import InvalidInput
-from kb.loader import find, problem_files
-from kb.model.conditions import TRUE, Literal, Parameter
-from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Predicate
-from kb.model.problem import Chain, Problem
-from kb.terms import ANYTHING, Function
+from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl
+from cellwright.engine.formats.interop.pddl.export import PddlText, export, import_plan
+from cellwright.engine.formats.interop.pddl.expressions import actions
+from cellwright.engine.formats.interop.pddl.plans import read_plan
+from cellwright.engine.formats.interop.pddl.plans import write_plan as write_pddl_plan
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import find, problem_files
+from cellwright.kb.model.conditions import TRUE, Literal, Parameter
+from cellwright.kb.model.domain import (
+    Consequence,
+    DeductiveOperator,
+    Domain,
+    Effect,
+    Kind,
+    Operator,
+    Predicate,
+)
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import ANYTHING, Function
 from tests.engine.formats.interop.test_pddl import task
 from tests.places import DOMAINS as TESTED
 from tests.properties.problems import CONSTANTS, PREDICATES, TYPES, X, Y, problems, shortest

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.formats.interop.pddl import PddlProblem, read_pddl
-from engine.formats.interop.pddl.plans import read_plan, write_plan
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.stages.planning import Limits
-from engine.stages.validation import validate
-from kb.diagnostics import InvalidInput
+from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl
+from cellwright.engine.formats.interop.pddl.plans import read_plan, write_plan
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.diagnostics import InvalidInput
 
 DOMAIN = """
 (define (domain pumps)

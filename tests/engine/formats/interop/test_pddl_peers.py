@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.pddl.export import export, import_plan
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from kb.loader import find, problem_files
+from cellwright.engine.formats.interop.pddl.export import export, import_plan
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.loader import find, problem_files
 from tests.places import DOMAINS
 
 SOLVED, PROVED_UNSOLVABLE = 0, (10, 11)  # exit codes of its driver

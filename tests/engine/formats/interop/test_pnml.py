@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.interop.pnml import read_pnml, write_pnml, written
-from engine.formats.interop.pnml.nets import symmetric, unfolded
-from engine.formats.interop.pnml.reading import read_text
-from engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
-from engine.model.task_space import Net
-from engine.pipelines import task_space
-from engine.pipelines.task_space import Wanted
-from kb.diagnostics import InvalidInput
-from kb.files import File
+from cellwright.engine.formats.interop.pnml import read_pnml, write_pnml, written
+from cellwright.engine.formats.interop.pnml.nets import symmetric, unfolded
+from cellwright.engine.formats.interop.pnml.reading import read_text
+from cellwright.engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
+from cellwright.engine.model.task_space import Net
+from cellwright.engine.pipelines import task_space
+from cellwright.engine.pipelines.task_space import Wanted
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.files import File
 
 PARTS = ("MARS_gripper", "THEMSE_furnace", "THEMSE_drawer", "probe")
 FEW = ("THEMSE_drawer", "probe")  # fully specified, four parts have thousands of states

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.interop.qif.counts import INCH, curve_points, section_points, surface_points
-from engine.formats.interop.qif.features import read_features
-from engine.formats.interop.qif.points import inspection_of
-from engine.model.measurement import Feature
-from kb.diagnostics import InvalidInput
+from cellwright.engine.formats.interop.qif.counts import INCH, curve_points, section_points, surface_points
+from cellwright.engine.formats.interop.qif.features import read_features
+from cellwright.engine.formats.interop.qif.points import inspection_of
+from cellwright.engine.model.measurement import Feature
+from cellwright.kb.diagnostics import InvalidInput
 
 HEAD = '<?xml version="1.0"?><QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">'
 UNITS = {

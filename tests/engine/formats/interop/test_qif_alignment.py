@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.inspections import import_file
-from engine.formats.interop.qif.points import inspection_of
-from engine.model.tour import Tour
-from engine.pipelines.inspection import partition, tour_problem
-from engine.stages.sequencing import Limits, sequence
-from kb.loader import load
+from cellwright.engine.formats.interop.inspections import import_file
+from cellwright.engine.formats.interop.qif.points import inspection_of
+from cellwright.engine.model.tour import Tour
+from cellwright.engine.pipelines.inspection import partition, tour_problem
+from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.kb.loader import load
 from tests.engine.formats.interop.parts import Document, plane, segment
 from tests.places import BUNDLED
 

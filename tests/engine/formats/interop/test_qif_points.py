@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.interop.inspections import as_qif, import_file
-from engine.formats.interop.qif.points import inspection_of
-from engine.formats.interop.qif.points_written import written_points
-from engine.model.measurement import MeasurementPoint
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
+from cellwright.engine.formats.interop.inspections import as_qif, import_file
+from cellwright.engine.formats.interop.qif.points import inspection_of
+from cellwright.engine.formats.interop.qif.points_written import written_points
+from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem
 from tests.engine.formats.interop.test_results import SCHEMA
 
 UM = st.integers(-2_000_000, 2_000_000)

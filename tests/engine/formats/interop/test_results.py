@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.interop.results import ResultForm, read, written
-from kb.model.results import Measured, Results, Treated
+from cellwright.engine.formats.interop.results import ResultForm, read, written
+from cellwright.kb.model.results import Measured, Results, Treated
 
 SCHEMA = Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data")) / "qif/xsd/QIFApplications/QIFDocument.xsd"
 SPACE = "{http://qifstandards.org/xsd/qif3}"

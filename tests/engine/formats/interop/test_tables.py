@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.inspections import import_file, remarks
-from engine.formats.interop.tables import read_table
-from engine.model.outcome import Found
-from engine.pipelines.inspection import NO_TOOL
-from engine.pipelines.objective import plan
-from engine.pipelines.planning import problem_of
-from kb.diagnostics import Diagnostic, InvalidInput
+from cellwright.engine.formats.interop.inspections import import_file, remarks
+from cellwright.engine.formats.interop.tables import read_table
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.inspection import NO_TOOL
+from cellwright.engine.pipelines.objective import plan
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput
 
 HEAD = "name,x,y,z,nx,ny,nz,kind,tolerance,bore,feature,remark\n"
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.interop.tsplib import METRICS, SHAPES, read_tsplib
-from engine.model.metric import Metric
-from kb.diagnostics import InvalidInput
+from cellwright.engine.formats.interop.tsplib import METRICS, SHAPES, read_tsplib
+from cellwright.engine.model.metric import Metric
+from cellwright.kb.diagnostics import InvalidInput
 
 
 def written(folder: Path, **entries: str) -> Path:

@@ -38,7 +38,7 @@ from unified_planning.shortcuts import (
 )
 from unified_planning.test.examples import get_example_problems
 
-from engine.formats.interop.up import CellwrightEngine
+from cellwright.engine.formats.interop.up import CellwrightEngine
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 SOLVED = (Status.SOLVED_SATISFICING, Status.SOLVED_OPTIMALLY)
@@ -54,7 +54,9 @@ def _registered() -> None:
     environment = get_environment()
     environment.credits_stream = None
     if "cellwright" not in environment.factory.engines:
-        environment.factory.add_engine("cellwright", "engine.formats.interop.up", "CellwrightEngine")
+        environment.factory.add_engine(
+            "cellwright", "cellwright.engine.formats.interop.up", "CellwrightEngine"
+        )
 
 
 def accepted(problem: Problem, plan: Any) -> bool:

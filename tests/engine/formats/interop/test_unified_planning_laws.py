@@ -31,7 +31,7 @@ from unified_planning.shortcuts import (
     Variable,
 )
 
-from engine.formats.interop.up import CellwrightEngine
+from cellwright.engine.formats.interop.up import CellwrightEngine
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 DILIGENT = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))

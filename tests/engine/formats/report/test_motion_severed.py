@@ -5,11 +5,11 @@ from typing import cast
 
 import numpy as np
 
-from engine.formats.report.motion_pictures import _shown
-from engine.formats.report.motion_reasons import content_of, text_of
-from engine.model.geometry import Contact
-from engine.model.motion import Blocked, Severed
-from engine.pipelines.motion.moving import Motion
+from cellwright.engine.formats.report.motion_pictures import _shown
+from cellwright.engine.formats.report.motion_reasons import content_of, text_of
+from cellwright.engine.model.geometry import Contact
+from cellwright.engine.model.motion import Blocked, Severed
+from cellwright.engine.pipelines.motion.moving import Motion
 
 CONTACT = Contact("link 1", "post", -0.04, np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0]))
 

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.formats.report import dot, svg
-from engine.formats.report.columns import HIGHEST, columns
-from engine.formats.report.layout import layout
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from kb.loader import load_problem
-from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from kb.terms import Function
+from cellwright.engine.formats.report import dot, svg
+from cellwright.engine.formats.report.columns import HIGHEST, columns
+from cellwright.engine.formats.report.layout import layout
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from cellwright.kb.terms import Function
 
 SVG = "{http://www.w3.org/2000/svg}"
 Box = tuple[float, float, float, float]  # left, top, right, bottom

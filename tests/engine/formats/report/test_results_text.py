@@ -4,8 +4,8 @@ import io
 
 from rich.console import Console, RenderableType
 
-from engine.formats.report.results import FEW, text
-from kb.model.results import Measured, Results, Treated
+from cellwright.engine.formats.report.results import FEW, text
+from cellwright.kb.model.results import Measured, Results, Treated
 
 VALUE = Measured("m1", "thickness", 4993.0, "um", 5000.0, 4900.0, 5100.0, "us_probe", at_ms=1_707_400)
 LONG = tuple(Treated("drawer", f"open({n})", 1000 * n, 1000 * n + 500) for n in range(FEW))

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from engine.formats.report import text
-from engine.formats.report.rows import TextTable
-from engine.pipelines import planning
-from kb.loader import load_problem
+from cellwright.engine.formats.report import text
+from cellwright.engine.formats.report.rows import TextTable
+from cellwright.engine.pipelines import planning
+from cellwright.kb.loader import load_problem
 
 cells = st.lists(st.text("ab_", min_size=1, max_size=9), max_size=5).map(" ".join)
 tables = st.integers(1, 4).flatmap(

@@ -4,9 +4,9 @@ import io
 
 from rich.console import Console
 
-from engine.formats.report.live import Display, shared
-from engine.formats.report.narration import narrated
-from engine.model.execution import Record, RecordKind
+from cellwright.engine.formats.report.live import Display, shared
+from cellwright.engine.formats.report.narration import narrated
+from cellwright.engine.model.execution import Record, RecordKind
 
 PLAN = {
     "why": "first", "forecast_ms": 20_000, "goals": [],

@@ -4,10 +4,10 @@ import re
 from html import escape
 from html.parser import HTMLParser
 
-from engine.formats.report.survey import entry, summary
-from engine.formats.report.survey_html import document
-from engine.model.verdicts import Feature, Survey, Unmeasured
-from kb.model.results import Measured, Results
+from cellwright.engine.formats.report.survey import entry, summary
+from cellwright.engine.formats.report.survey_html import document
+from cellwright.engine.model.verdicts import Feature, Survey, Unmeasured
+from cellwright.kb.model.results import Measured, Results
 
 EVIL = "<script>alert('&\"')</script>"
 VALUE = Measured(EVIL, "thickness", 9.0, "um", 10.0, 8.0, 12.0, EVIL, EVIL, 5, 1.0, 5.0)

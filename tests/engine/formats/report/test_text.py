@@ -7,17 +7,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from engine.formats.report import text
-from engine.formats.report.wrapping import wrapped
-from engine.model.forecast import earliest_starts, makespan
-from engine.model.histories import histories
-from engine.model.outcome import Found
-from engine.model.purposes import purposes
-from engine.pipelines import planning
-from kb.loader import load_problem
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function, Text
+from cellwright.engine.formats.report import text
+from cellwright.engine.formats.report.wrapping import wrapped
+from cellwright.engine.model.forecast import earliest_starts, makespan
+from cellwright.engine.model.histories import histories
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.purposes import purposes
+from cellwright.engine.pipelines import planning
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Text
 
 
 @functools.cache

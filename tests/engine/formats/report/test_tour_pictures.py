@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.report.palette import colours
-from engine.formats.report.tour_svg import CHANGE, NAMED, UPRIGHT, picture
-from engine.model.tour import Tour, TourProblem, Visit
+from cellwright.engine.formats.report.palette import colours
+from cellwright.engine.formats.report.tour_svg import CHANGE, NAMED, UPRIGHT, picture
+from cellwright.engine.model.tour import Tour, TourProblem, Visit
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-import engine.kernels.geometry
-from engine.kernels.arrays import Floats, Longs
-from engine.model.geometry import Piece
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import ArmModel
-from engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver
-from engine.stages.geometry.regions.index import boxes_around
-from engine.stages.geometry.shapes.packing import grouped, pack
-from kb.loader.arm import bundled_arms, load_arm
+import cellwright.engine.kernels.geometry
+from cellwright.engine.kernels.arrays import Floats, Longs
+from cellwright.engine.model.geometry import Piece
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver
+from cellwright.engine.stages.geometry.regions.index import boxes_around
+from cellwright.engine.stages.geometry.shapes.packing import grouped, pack
+from cellwright.kb.loader.arm import bundled_arms, load_arm
 from tests.engine.interpreted import interpreted_package
 
 Modules = dict[str, ModuleType]
 SEEDS = range(6)
 CUBE = np.array(list(product((-0.5, 0.5), repeat=3)))
-PLAIN: Modules = interpreted_package(engine.kernels.geometry)
+PLAIN: Modules = interpreted_package(cellwright.engine.kernels.geometry)
 IMPORTED: Modules = {
-    name: importlib.import_module(f"{engine.kernels.geometry.__name__}.{name}") for name in PLAIN
+    name: importlib.import_module(f"{cellwright.engine.kernels.geometry.__name__}.{name}") for name in PLAIN
 }
 BOTH = (IMPORTED, PLAIN)
 

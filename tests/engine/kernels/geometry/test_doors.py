@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.kernels.geometry import checks, inverse, regions
-from engine.kernels.geometry.distance import Separations
-from engine.kernels.geometry.hierarchy import Hierarchy, build, inserted, removed
-from engine.kernels.geometry.layout import KIND, Pairs, Pieces
-from engine.kernels.geometry.mechanism import Mechanism, place_batch
+from cellwright.engine.kernels.geometry import checks, inverse, regions
+from cellwright.engine.kernels.geometry.distance import Separations
+from cellwright.engine.kernels.geometry.hierarchy import Hierarchy, build, inserted, removed
+from cellwright.engine.kernels.geometry.layout import KIND, Pairs, Pieces
+from cellwright.engine.kernels.geometry.mechanism import Mechanism, place_batch
 
 
 def pieces(**changed: Any) -> Pieces:

@@ -6,13 +6,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from engine.kernels.geometry import lanes
-from engine.kernels.geometry.angles import sine_cosine
-from engine.kernels.geometry.edges import free_edges
-from engine.kernels.geometry.proof import proved
-from engine.model.geometry import Floats, Joints, Scene
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.kernels.geometry import lanes
+from cellwright.engine.kernels.geometry.angles import sine_cosine
+from cellwright.engine.kernels.geometry.edges import free_edges
+from cellwright.engine.kernels.geometry.proof import proved
+from cellwright.engine.model.geometry import Floats, Joints, Scene
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
 from tests.engine.kernels.geometry.test_both_ways import PLAIN, any_piece, any_pose
 
 STEP = 0.05

@@ -8,21 +8,21 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Finish, Record
-from engine.pipelines.execution import Execution, Orders, Timed, Wanted, begin, named, resume
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import Ready, first
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import SymbolicWorld
-from engine.pipelines.simulator import HiddenCell, Injection, Simulator
-from engine.pipelines.simulator.driver import fault_base
-from engine.pipelines.simulator.settings import Settings
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
-from kb.store.journal import Journal
+from cellwright.engine.model.execution import Finish, Record
+from cellwright.engine.pipelines.execution import Execution, Orders, Timed, Wanted, begin, named, resume
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulation import SymbolicWorld
+from cellwright.engine.pipelines.simulator import HiddenCell, Injection, Simulator
+from cellwright.engine.pipelines.simulator.driver import fault_base
+from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.journal import Journal
 
-BEGIN = sys.modules["engine.pipelines.execution.begin"]
+BEGIN = sys.modules["cellwright.engine.pipelines.execution.begin"]
 
 
 class Kept:

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Order, Record, RecordKind
-from engine.model.task import Task
-from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
-from engine.pipelines.execution.adding import addition, extended
-from engine.pipelines.planning import problem_of
-from engine.stages.grounding import _Grounding, ground
-from kb.diagnostics import InvalidInput
-from kb.store.journal import Journal
+from cellwright.engine.model.execution import Order, Record, RecordKind
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
+from cellwright.engine.pipelines.execution.adding import addition, extended
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.stages.grounding import _Grounding, ground
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.journal import Journal
 from tests.engine.pipelines.execution.cells import executed, planned
 
 FOUR = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")

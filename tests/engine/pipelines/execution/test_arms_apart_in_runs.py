@@ -6,14 +6,14 @@ import pytest
 
 pytest.importorskip("numpy")
 
-from engine.pipelines.execution.apart import Apart, moment_of
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.planning import Moving, plan_moving
-from engine.pipelines.moves.states import states_of
-from engine.pipelines.moves.walking import Walk
-from engine.pipelines.planning import problem_of
-from engine.plugins import geometry_backend
-from kb.loader.cell import cell_of
+from cellwright.engine.pipelines.execution.apart import Apart, moment_of
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
+from cellwright.engine.pipelines.moves.states import states_of
+from cellwright.engine.pipelines.moves.walking import Walk
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb.loader.cell import cell_of
 from tests.engine.pipelines.execution.test_obstacles import (
     actions,
     corrections,

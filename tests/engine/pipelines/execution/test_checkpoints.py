@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Order, Record, RecordKind
-from engine.pipelines.execution import Given, Timed
-from engine.pipelines.execution.checkpoints import past_of
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.records import compiled_of
-from engine.pipelines.execution.resuming import Past
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.settling import standing_again
-from engine.pipelines.simulation import Memory, SymbolicWorld
-from engine.pipelines.simulator import Injection
-from engine.pipelines.simulator.driver import fault_base
-from kb.store.journal import Line
+from cellwright.engine.model.execution import Order, Record, RecordKind
+from cellwright.engine.pipelines.execution import Given, Timed
+from cellwright.engine.pipelines.execution.checkpoints import past_of
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.records import compiled_of
+from cellwright.engine.pipelines.execution.resuming import Past
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.execution.settling import standing_again
+from cellwright.engine.pipelines.simulation import Memory, SymbolicWorld
+from cellwright.engine.pipelines.simulator import Injection
+from cellwright.engine.pipelines.simulator.driver import fault_base
+from cellwright.kb.store.journal import Line
 from tests.engine.pipelines.execution.cells import executed, planned
 
 BAKERY = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")
@@ -99,9 +99,9 @@ def essence(found: Past) -> dict[str, object]:
 def test_a_run_from_its_last_checkpoint_is_the_run_from_its_beginning(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 9)
-    monkeypatch.setattr("engine.pipelines.execution.checkpoints.LONG", 4)
-    monkeypatch.setattr("engine.pipelines.execution.checkpoints.PAGE", 3)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.running.EVERY", 9)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.LONG", 4)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.PAGE", 3)
     records = records_of(name)
     said = [set(each.content) for each in records if each.kind is RecordKind.CHECKPOINT]
     assert {"rest"} in said

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.execution import RecordKind
-from engine.pipelines.execution import reviewing
-from engine.pipelines.execution.choosing import exchanges
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulator.settings import Settings
-from kb.asp import ground_term
-from kb.model.plan import Step, StepId
-from kb.terms import Function
+from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.pipelines.execution import reviewing
+from cellwright.engine.pipelines.execution.choosing import exchanges
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.kb.asp import ground_term
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.terms import Function
 from tests.engine.pipelines.execution.cells import executed
 
 FOUR = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")

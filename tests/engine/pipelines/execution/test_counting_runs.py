@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Order, RecordKind
-from engine.pipelines.execution import Given, Timed
-from engine.pipelines.simulation import Dynamics
-from kb.asp import ground_term
-from kb.loader import load_problem
-from kb.terms import Function
+from cellwright.engine.model.execution import Order, RecordKind
+from cellwright.engine.pipelines.execution import Given, Timed
+from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load_problem
+from cellwright.kb.terms import Function
 from tests.engine.pipelines.execution.cells import executed
 
 DOMAIN = """

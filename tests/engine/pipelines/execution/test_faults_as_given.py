@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from engine.pipelines.execution import Wanted, listed
-from engine.pipelines.execution.faults import settled
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulator.driver import fault_base
-from kb.diagnostics import InvalidInput
-from kb.store.journal import Journal
+from cellwright.engine.pipelines.execution import Wanted, listed
+from cellwright.engine.pipelines.execution.faults import settled
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulator.driver import fault_base
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.journal import Journal
 from tests.engine.pipelines.execution.cells import planned
 
 

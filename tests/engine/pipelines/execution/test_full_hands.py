@@ -2,17 +2,17 @@
 
 import pytest
 
-from engine.model.execution import Order, Phase, Record, RecordKind
-from engine.pipelines.execution import Given, Timed
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.course import Course
-from engine.pipelines.execution.records import compiled_of
-from engine.pipelines.execution.resuming import Past
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.execution.settling import standing_again
-from engine.pipelines.simulation import SymbolicWorld
-from engine.pipelines.simulator import Injection
-from engine.stages.execution.outlook import Accuracy
+from cellwright.engine.model.execution import Order, Phase, Record, RecordKind
+from cellwright.engine.pipelines.execution import Given, Timed
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.course import Course
+from cellwright.engine.pipelines.execution.records import compiled_of
+from cellwright.engine.pipelines.execution.resuming import Past
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.execution.settling import standing_again
+from cellwright.engine.pipelines.simulation import SymbolicWorld
+from cellwright.engine.pipelines.simulator import Injection
+from cellwright.engine.stages.execution.outlook import Accuracy
 from tests.engine.pipelines.execution.cells import executed, planned
 
 PICK, STORE = "pick(probe_1, slot(drawer, 1))", "put(probe_1, slot(drawer, 1))"

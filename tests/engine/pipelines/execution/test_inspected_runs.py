@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import apply, difference, transform, turned
-from engine.model.execution import Finish, Order, RecordKind
-from engine.pipelines.execution import Given, Scope, Timed, Wanted, begin, named, resume
-from engine.pipelines.moves.leaving_out import within_reach
-from engine.pipelines.planning import problem_of
-from engine.pipelines.results import survey_of
-from engine.pipelines.simulator.truth import believed, read_truth
-from kb.asp import ground_term
-from kb.diagnostics import InvalidInput
-from kb.loader import load
-from kb.model.problem import Problem
-from kb.store.journal import Journal, Line
-from kb.terms import Function
+from cellwright.engine.kernels.rigid import apply, difference, transform, turned
+from cellwright.engine.model.execution import Finish, Order, RecordKind
+from cellwright.engine.pipelines.execution import Given, Scope, Timed, Wanted, begin, named, resume
+from cellwright.engine.pipelines.moves.leaving_out import within_reach
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.results import survey_of
+from cellwright.engine.pipelines.simulator.truth import believed, read_truth
+from cellwright.kb.asp import ground_term
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.terms import Function
 from tests.places import BUNDLED
 
 SHIFT_MM, TURN_DEG = [12.0, -20.0, 9.0], [1.5, -2.0, 3.0]

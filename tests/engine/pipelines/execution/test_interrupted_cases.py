@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.execution import RecordKind
-from engine.pipelines.execution import handling
-from engine.pipelines.execution.commands import command_of
-from engine.pipelines.execution.compiling import alone
-from engine.pipelines.execution.replies import matched
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import WorldState
-from engine.pipelines.simulator import HiddenCell, Injection
-from kb.asp import ground_term
-from kb.model.domain import Command
-from kb.model.plan import Step, StepId
-from kb.terms import Function, Variable
+from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.pipelines.execution import handling
+from cellwright.engine.pipelines.execution.commands import command_of
+from cellwright.engine.pipelines.execution.compiling import alone
+from cellwright.engine.pipelines.execution.replies import matched
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulation import WorldState
+from cellwright.engine.pipelines.simulator import HiddenCell, Injection
+from cellwright.kb.asp import ground_term
+from cellwright.kb.model.domain import Command
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.terms import Function, Variable
 from tests.engine.pipelines.execution import cells
 from tests.engine.pipelines.execution.cells import executed
 

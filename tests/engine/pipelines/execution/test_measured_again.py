@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.model.execution import Finish, RecordKind
-from engine.model.verdicts import Feature, Survey
-from engine.pipelines.execution import Timed, Wanted, begin, named
-from engine.pipelines.execution.inspecting import reopened
-from engine.pipelines.results import survey_of
-from engine.pipelines.simulator.drifting import Drifting, drift_of
-from engine.pipelines.simulator.truth import believed, read_truth
-from kb.asp import ground_term
-from kb.diagnostics import InvalidInput
-from kb.loader import load, load_problem
-from kb.model.conditions import goal_parts
-from kb.terms import Function
+from cellwright.engine.model.execution import Finish, RecordKind
+from cellwright.engine.model.verdicts import Feature, Survey
+from cellwright.engine.pipelines.execution import Timed, Wanted, begin, named
+from cellwright.engine.pipelines.execution.inspecting import reopened
+from cellwright.engine.pipelines.results import survey_of
+from cellwright.engine.pipelines.simulator.drifting import Drifting, drift_of
+from cellwright.engine.pipelines.simulator.truth import believed, read_truth
+from cellwright.kb.asp import ground_term
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load, load_problem
+from cellwright.kb.model.conditions import goal_parts
+from cellwright.kb.terms import Function
 from tests.engine.pipelines.execution.test_inspected_runs import TRUE, job, lines_of
 from tests.places import BUNDLED
 

@@ -7,27 +7,27 @@ import pytest
 
 pytest.importorskip("numpy")
 
-from engine.model.execution import Finish, Record, RecordKind
-from engine.model.moves import LegKind, MovedStep
-from engine.pipelines import objective
-from engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
-from engine.pipelines.execution.apart import going_home
-from engine.pipelines.execution.paths import Paths
-from engine.pipelines.execution.retracing import Retracing
-from engine.pipelines.moves.planning import plan_moving
-from engine.pipelines.moves.seen import Seen, with_seen
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulator.obstructed import closely
-from engine.plugins import geometry_backend
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from engine.stages.planning import Limits
-from kb.diagnostics import InvalidInput
-from kb.loader.cell import cell_of
-from kb.model.problem import Problem
-from kb.model.shapes import Pose
+from cellwright.engine.model.execution import Finish, Record, RecordKind
+from cellwright.engine.model.moves import LegKind, MovedStep
+from cellwright.engine.pipelines import objective
+from cellwright.engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
+from cellwright.engine.pipelines.execution.apart import going_home
+from cellwright.engine.pipelines.execution.paths import Paths
+from cellwright.engine.pipelines.execution.retracing import Retracing
+from cellwright.engine.pipelines.moves.planning import plan_moving
+from cellwright.engine.pipelines.moves.seen import Seen, with_seen
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulator.obstructed import closely
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.shapes import Pose
 from tests.engine.pipelines.moves.test_moves import SUITS, kiln_room
 
 CRATE = "cell: surprise\nfixtures:\n  {name}: {{at: [{at}], shapes: [{{box: [{box}]}}]}}\n"

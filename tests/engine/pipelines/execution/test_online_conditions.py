@@ -7,21 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Command, CommandKind, Record, RecordKind
-from engine.pipelines.controllers.protocol import command_entry, read_command
-from engine.pipelines.execution import Execution, Timed
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import Ready, first
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import compiled_of, plan_entry
-from engine.pipelines.execution.scope import Scope
-from engine.pipelines.simulation import SymbolicWorld
-from engine.pipelines.simulator import HiddenCell, Simulator
-from engine.pipelines.simulator.driver import fault_base
-from engine.pipelines.simulator.log import _command, _entry
-from kb.diagnostics import InvalidInput
-from kb.loader import bundled, load_problem
-from kb.model.problem import Problem
+from cellwright.engine.model.execution import Command, CommandKind, Record, RecordKind
+from cellwright.engine.pipelines.controllers.protocol import command_entry, read_command
+from cellwright.engine.pipelines.execution import Execution, Timed
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.execution.records import compiled_of, plan_entry
+from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.simulation import SymbolicWorld
+from cellwright.engine.pipelines.simulator import HiddenCell, Simulator
+from cellwright.engine.pipelines.simulator.driver import fault_base
+from cellwright.engine.pipelines.simulator.log import _command, _entry
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import bundled, load_problem
+from cellwright.kb.model.problem import Problem
 from tests.engine.pipelines.execution.cells import Kept
 
 CLOSED = "position(flap, closed)"

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Order, Record, RecordKind
-from engine.pipelines.execution import Given
-from engine.pipelines.execution.channel import Channel, address, going_on, tell
-from kb.diagnostics import InvalidInput
+from cellwright.engine.model.execution import Order, Record, RecordKind
+from cellwright.engine.pipelines.execution import Given
+from cellwright.engine.pipelines.execution.channel import Channel, address, going_on, tell
+from cellwright.kb.diagnostics import InvalidInput
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +40,7 @@ def test_two_runs_of_one_name_in_two_stores_go_on_side_by_side(tmp_path: Path) -
 def test_one_run_of_a_name_needs_no_store_and_the_same_run_is_refused_twice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("engine.pipelines.execution.channel.ANSWERED_S", 0.01)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.channel.ANSWERED_S", 0.01)
     store = str(tmp_path / "a.db")
     with Channel("monday", store) as one:
         tell("monday", "skip", "pick(probe_1)", who="Ada")
@@ -88,7 +88,9 @@ def test_the_path_of_a_socket_is_short_and_plain(run: str) -> None:
 def test_a_caller_is_told_what_came_of_an_order(
     monkeypatch: pytest.MonkeyPatch, kind: RecordKind, content: dict[str, str], refused: str | None
 ) -> None:
-    monkeypatch.setattr("engine.pipelines.execution.channel.ANSWERED_S", 0.3 if refused is None else 3)
+    monkeypatch.setattr(
+        "cellwright.engine.pipelines.execution.channel.ANSWERED_S", 0.3 if refused is None else 3
+    )
     with Channel("monday") as one, ThreadPoolExecutor(1) as other:
         told = other.submit(tell, "monday", "skip", "99")
         while not one.due(0):

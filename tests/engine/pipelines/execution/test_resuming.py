@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from _pytest.mark import ParameterSet
 
-from engine.model.execution import Order, Record, RecordKind
-from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
-from kb.diagnostics import InvalidInput
-from kb.store.journal import Journal
+from cellwright.engine.model.execution import Order, Record, RecordKind
+from cellwright.engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.store.journal import Journal
 from tests.engine.pipelines.execution.cells import ended, killed_and_resumed, planned
 
 FAULT = "pick(probe_1, slot(drawer, 1))=not_gripped"
@@ -40,7 +40,7 @@ def test_a_run_killed_with_a_fault_in_it_reaches_its_goals(tmp_path: Path, group
 def test_a_run_goes_on_from_a_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int, written: bool
 ) -> None:
-    monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 15)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.running.EVERY", 15)
     assert check(tmp_path, group, written, FAULT)
     with Journal(str(tmp_path / "j.db")) as journal:
         assert journal.last("one-1", "checkpoint")
@@ -51,8 +51,8 @@ def test_a_run_goes_on_from_a_checkpoint(
 def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int
 ) -> None:
-    monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 12)
-    monkeypatch.setattr("engine.pipelines.execution.checkpoints.LONG", 3)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.running.EVERY", 12)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.LONG", 3)
     assert check(tmp_path, group, True, FAULT)
     with Journal(str(tmp_path / "j.db")) as journal:
         assert any("rest" in each.content for each in journal.lines("one-1", kinds=["checkpoint"]))
@@ -62,8 +62,8 @@ def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
 def test_one_can_go_back_to_a_step_that_was_done_before_a_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 6)
-    monkeypatch.setattr("engine.pipelines.execution.checkpoints.LONG", 3)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.running.EVERY", 6)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.LONG", 3)
     problem, ready = planned("themse/one")
     wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
     late = ready.makespan * 1000 - 10_000

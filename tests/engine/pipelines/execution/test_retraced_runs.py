@@ -6,16 +6,23 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.faces.monitor.following import record_of
-from engine.model.moves import MovedStep
-from engine.pipelines.execution import Timed, Wanted, begin, named
-from engine.pipelines.execution.retracing import Resting, Retracing, Taken, stretches, tool_path, world_during
-from engine.pipelines.planning import problem_of
-from engine.plugins import geometry_backend
-from engine.stages.geometry.pictures.stl import corners, poses, written
-from engine.stages.geometry.world.model import World
-from kb.loader.cell import cell_of
-from kb.store.journal import Journal
+from cellwright.engine.faces.monitor.following import record_of
+from cellwright.engine.model.moves import MovedStep
+from cellwright.engine.pipelines.execution import Timed, Wanted, begin, named
+from cellwright.engine.pipelines.execution.retracing import (
+    Resting,
+    Retracing,
+    Taken,
+    stretches,
+    tool_path,
+    world_during,
+)
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.pictures.stl import corners, poses, written
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.store.journal import Journal
 
 pytestmark = pytest.mark.slow
 TARGET = "themse/in_furnace"

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Finish, Order, Record, RecordKind
-from engine.pipelines.execution import Execution, Given, Timed, Wanted, begin, named, resume
-from engine.pipelines.execution.compiling import situation_of
-from engine.pipelines.execution.planned import Ready, first
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.simulation import SymbolicWorld
-from engine.pipelines.simulator import HiddenCell, Simulator
-from engine.pipelines.simulator.settings import Settings
-from kb.loader import bundled, load_problem
-from kb.model.problem import Problem
-from kb.store.journal import Journal
+from cellwright.engine.model.execution import Finish, Order, Record, RecordKind
+from cellwright.engine.pipelines.execution import Execution, Given, Timed, Wanted, begin, named, resume
+from cellwright.engine.pipelines.execution.compiling import situation_of
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.pipelines.execution.recorder import Recorder
+from cellwright.engine.pipelines.simulation import SymbolicWorld
+from cellwright.engine.pipelines.simulator import HiddenCell, Simulator
+from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.kb.loader import bundled, load_problem
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.journal import Journal
 from tests.engine.pipelines.execution.cells import Kept, executed, planned
 
 FURTHER = Given(Order.ADD, "process probe_2 in the furnace for 5 min")

@@ -2,11 +2,11 @@
 
 import pytest
 
-from engine.formats.report.narration import narrated
-from engine.model.execution import Order, RecordKind
-from engine.pipelines.execution import Given, Timed
-from engine.pipelines.simulator import Injection
-from engine.pipelines.simulator.settings import Settings
+from cellwright.engine.formats.report.narration import narrated
+from cellwright.engine.model.execution import Order, RecordKind
+from cellwright.engine.pipelines.execution import Given, Timed
+from cellwright.engine.pipelines.simulator import Injection
+from cellwright.engine.pipelines.simulator.settings import Settings
 from tests.engine.pipelines.execution.cells import executed, planned
 
 PICK = "pick(probe_1, slot(drawer, 1))"

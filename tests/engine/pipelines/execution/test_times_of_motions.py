@@ -7,14 +7,14 @@ import pytest
 
 pytest.importorskip("numpy")
 
-from engine.model.execution import RecordKind
-from engine.pipelines.execution.paths import Paths
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.planning import plan_moving
-from engine.pipelines.planning import problem_of
-from engine.plugins import geometry_backend
-from kb.loader.cell import cell_of
-from kb.terms import Function
+from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.pipelines.execution.paths import Paths
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.planning import plan_moving
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.terms import Function
 from tests.engine.pipelines.execution.test_obstacles import executed, planned, room, wanted
 
 

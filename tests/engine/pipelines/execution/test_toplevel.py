@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found, GaveUp, Infeasible
-from engine.pipelines.execution.planned import Ready, first
-from engine.pipelines.execution.toplevel import made
-from engine.pipelines.planning import problem_of
-from engine.stages.planning import Limits
-from kb.loader import load_problem
-from kb.model.domain import TOOLS
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
+from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.pipelines.execution.toplevel import made
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.domain import TOOLS
+from cellwright.kb.model.problem import Problem
 
 
 def with_tools(problem: Problem, *tools: str) -> Problem:

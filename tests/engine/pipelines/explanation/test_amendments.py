@@ -6,18 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.report.explanation import explanation as text
-from engine.model.explanation import Amendment, Edit, Explanation
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.explanation import changed, explain
-from engine.pipelines.explanation.amendments import domain_facts, without_chains
-from engine.pipelines.explanation.thresholds import solved
-from kb.asp import ground_term
-from kb.loader import load_problem
-from kb.model.conditions import And
-from kb.model.problem import Chain, Problem
-from kb.terms import Atom, Function, Number, Operation, Variable
+from cellwright.engine.formats.report.explanation import explanation as text
+from cellwright.engine.model.explanation import Amendment, Edit, Explanation
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import changed, explain
+from cellwright.engine.pipelines.explanation.amendments import domain_facts, without_chains
+from cellwright.engine.pipelines.explanation.thresholds import solved
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.conditions import And
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import Atom, Function, Number, Operation, Variable
 
 DOMAIN = """
 domain: mixer

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.report.explanation import explanation as text
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.pipelines.explanation import changed, explain
-from engine.pipelines.explanation.companions import companions
-from engine.pipelines.explanation.culprits import minimal_goals
-from engine.pipelines.explanation.space import Space
-from kb.loader import load_problem
-from kb.model.problem import Problem
+from cellwright.engine.formats.report.explanation import explanation as text
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import changed, explain
+from cellwright.engine.pipelines.explanation.companions import companions
+from cellwright.engine.pipelines.explanation.culprits import minimal_goals
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.problem import Problem
 
 DOMAIN = """
 domain: spinning

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.explanation import Explanation
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.explanation import changed, explain
-from kb.loader import load_problem
-from kb.model.conditions import And, goal_parts
-from kb.model.problem import Problem
+from cellwright.engine.model.explanation import Explanation
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import changed, explain
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.conditions import And, goal_parts
+from cellwright.kb.model.problem import Problem
 from tests.engine.pipelines.explanation.test_parts_with_events import DOMAIN
 
 Write = Callable[[str], Problem]

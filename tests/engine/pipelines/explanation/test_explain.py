@@ -3,14 +3,14 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.outcome import Found, Infeasible, Outcome
-from engine.pipelines import planning
-from engine.pipelines.explanation import changed, explain
-from engine.pipelines.explanation.steps import why
-from engine.stages.grounding import ground
-from kb.diagnostics import InvalidInput
-from kb.loader import bundled, load_problem
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found, Infeasible, Outcome
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import changed, explain
+from cellwright.engine.pipelines.explanation.steps import why
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import bundled, load_problem
+from cellwright.kb.model.problem import Problem
 
 QUICK = {"bulkhead/one_point": [], "bulkhead/both_tools": [pytest.mark.slow]}
 ALL = [

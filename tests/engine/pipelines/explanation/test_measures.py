@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from engine.pipelines.explanation import explain
-from engine.pipelines.explanation.candidates import single_edits
-from engine.pipelines.explanation.space import Space
-from engine.stages.grounding import ground
-from kb.loader import load, load_problem
-from kb.model.problem import Problem
+from cellwright.engine.pipelines.explanation import explain
+from cellwright.engine.pipelines.explanation.candidates import single_edits
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.loader import load, load_problem
+from cellwright.kb.model.problem import Problem
 from tests.engine.pipelines.explanation.test_explain import without_one_fact
 
 DOSING = """

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.pipelines.explanation.culprits import minimal_goals
-from kb.loader import load_problem
-from kb.model.conditions import And, Literal, goal_parts
-from kb.model.problem import Problem
-from kb.terms import Function, Number
+from cellwright.engine.pipelines.explanation.culprits import minimal_goals
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.conditions import And, Literal, goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Number
 
 Conflicts = frozenset[frozenset[int]]
 

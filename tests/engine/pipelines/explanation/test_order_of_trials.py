@@ -4,19 +4,19 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.explanation import Edit
-from engine.model.outcome import Outcome
-from engine.pipelines import planning
-from engine.pipelines.explanation import explain
-from engine.pipelines.explanation.advice import Advice
-from engine.pipelines.explanation.alike import Alike
-from engine.pipelines.explanation.bearing import Bearing
-from engine.pipelines.explanation.space import Space
-from engine.stages.grounding import ground
-from kb.asp.models import models
-from kb.loader import load_problem
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number
+from cellwright.engine.model.explanation import Edit
+from cellwright.engine.model.outcome import Outcome
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import explain
+from cellwright.engine.pipelines.explanation.advice import Advice
+from cellwright.engine.pipelines.explanation.alike import Alike
+from cellwright.engine.pipelines.explanation.bearing import Bearing
+from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.asp.models import models
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number
 from tests.engine.pipelines.explanation.test_explain import without_one_fact
 
 LIDS = """

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.pipelines.explanation import explain
-from engine.pipelines.explanation.culprits import Goal, only
-from kb.loader import load_problem
-from kb.model.conditions import goal_parts
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import explain
+from cellwright.engine.pipelines.explanation.culprits import Goal, only
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.conditions import goal_parts
+from cellwright.kb.model.problem import Problem
 
 DOMAIN = """
 domain: filling

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.model.outcome import Infeasible
-from engine.model.quantities import RELATED, RELATIONS, never
-from engine.pipelines import planning
-from engine.pipelines.explanation import explain
-from engine.stages.planning import Limits
-from kb.loader import load_problem, with_goals
-from kb.model.problem import Problem
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.quantities import RELATED, RELATIONS, never
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation import explain
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.loader import load_problem, with_goals
+from cellwright.kb.model.problem import Problem
 
 DOMAIN = """
 domain: doses

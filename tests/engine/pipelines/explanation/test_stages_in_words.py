@@ -1,11 +1,11 @@
 """Reasons of steps name stages of a workflow in words."""
 
-from engine.formats.report.explanation import step_reason
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.explanation.steps import why
-from engine.stages.grounding import ground
-from kb.loader import load_problem
+from cellwright.engine.formats.report.explanation import step_reason
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation.steps import why
+from cellwright.engine.stages.grounding import ground
+from cellwright.kb.loader import load_problem
 
 
 def test_a_stage_that_a_later_step_waits_for_is_said_in_words() -> None:

@@ -1,9 +1,9 @@
 """What a step brings is told with the next step that needs it."""
 
-from engine.pipelines.execution.records import read_atom
-from engine.pipelines.explanation.uses import needs, uses
-from engine.pipelines.planning import plan, problem_of
-from engine.stages.grounding import ground
+from cellwright.engine.pipelines.execution.records import read_atom
+from cellwright.engine.pipelines.explanation.uses import needs, uses
+from cellwright.engine.pipelines.planning import plan, problem_of
+from cellwright.engine.stages.grounding import ground
 
 
 def test_each_use_is_a_later_step_that_needs_what_is_brought() -> None:

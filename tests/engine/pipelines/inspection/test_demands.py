@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.tour import Tour, TourProblem, slack_of, times_of, violations
-from engine.pipelines import checking
-from engine.pipelines.inspection import partition, tour_problem
-from engine.pipelines.inspection.demands import Demands, known, of_options
-from engine.pipelines.points import with_places
-from engine.stages.sequencing import sequence
-from kb.diagnostics import InvalidInput
-from kb.loader import load
-from kb.model.problem import Problem
+from cellwright.engine.model.tour import Tour, TourProblem, slack_of, times_of, violations
+from cellwright.engine.pipelines import checking
+from cellwright.engine.pipelines.inspection import partition, tour_problem
+from cellwright.engine.pipelines.inspection.demands import Demands, known, of_options
+from cellwright.engine.pipelines.points import with_places
+from cellwright.engine.stages.sequencing import sequence
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load
+from cellwright.kb.model.problem import Problem
 
 POINTS = """problem: pieces
 domain: bulkhead

@@ -10,12 +10,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.formats.interop.inspections import import_file
-from engine.formats.interop.tables import read_table
-from engine.pipelines.inspection import partition, tour_problem
-from kb.diagnostics import InvalidInput
-from kb.loader import load
+from cellwright.engine.faces.cli import app
+from cellwright.engine.formats.interop.inspections import import_file
+from cellwright.engine.formats.interop.tables import read_table
+from cellwright.engine.pipelines.inspection import partition, tour_problem
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load
 from tests.places import BUNDLED
 
 BULKHEAD = BUNDLED / "bulkhead"

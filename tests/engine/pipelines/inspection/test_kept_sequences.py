@@ -9,16 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.tour import cost_of, times_of, violations
-from engine.pipelines.inspection.losses import parted
-from engine.pipelines.inspection.progress import News, Progress, carried_on
-from engine.pipelines.parts.keeping import carry_on
-from engine.stages.sequencing import Limits
-from kb.diagnostics import InvalidInput
-from kb.loader import load
-from kb.model.problem import Problem
-from kb.store.sequences import SequencePlan, Sequences
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.tour import cost_of, times_of, violations
+from cellwright.engine.pipelines.inspection.losses import parted
+from cellwright.engine.pipelines.inspection.progress import News, Progress, carried_on
+from cellwright.engine.pipelines.parts.keeping import carry_on
+from cellwright.engine.stages.sequencing import Limits
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store.sequences import SequencePlan, Sequences
 
 QUICK = Limits(work=50, proof=0.0)
 NAMES = [f"p{number}" for number in range(14)]
@@ -239,7 +239,9 @@ def _work_off(store: str, file: str, mine: list[str]) -> None:
 def test_two_processes_at_once_lose_no_visit(tmp_path: Path) -> None:
     store, file = str(tmp_path / "s.db"), written(tmp_path, NAMES)
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["engine.pipelines.inspection", "kb.store.sequences", "pytest"])
+    context.set_forkserver_preload(
+        ["cellwright.engine.pipelines.inspection", "cellwright.kb.store.sequences", "pytest"]
+    )
     shares = (NAMES[:6], NAMES[6:12])
     workers = [context.Process(target=_work_off, args=(store, str(file), share)) for share in shares]
     for each in workers:

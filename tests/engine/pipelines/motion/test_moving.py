@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.model.motion import Blocked, Moved, Strategy
-from engine.pipelines.motion.ends import End
-from engine.pipelines.motion.legs import APPROACH, FREE, Departures, Leg, departures, leg_of
-from engine.pipelines.motion.moving import Motion, Site, Wish, _planned, move
-from engine.pipelines.motion.zones import zones_of
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.reach.hand import ArmHand
-from engine.stages.geometry.reach.reach import Reached
-from engine.stages.geometry.reach.straight import STRAY_M, Broken, straight
-from kb.diagnostics import InvalidInput
-from kb.model.cell import Placement, Zone
-from kb.model.shapes import Box, Pose
+from cellwright.engine.model.motion import Blocked, Moved, Strategy
+from cellwright.engine.pipelines.motion.ends import End
+from cellwright.engine.pipelines.motion.legs import APPROACH, FREE, Departures, Leg, departures, leg_of
+from cellwright.engine.pipelines.motion.moving import Motion, Site, Wish, _planned, move
+from cellwright.engine.pipelines.motion.zones import zones_of
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.reach.hand import ArmHand
+from cellwright.engine.stages.geometry.reach.reach import Reached
+from cellwright.engine.stages.geometry.reach.straight import STRAY_M, Broken, straight
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.cell import Placement, Zone
+from cellwright.kb.model.shapes import Box, Pose
 from tests.engine.stages.motion.conftest import arm_among, block
 
 

@@ -7,29 +7,29 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from engine.formats.report import planned
-from engine.model.moves import MovedStep, Unmoved
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import objective
-from engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
-from engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.leaving_out import all_lost, within_reach
-from engine.pipelines.moves.planning import plan_moving
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.pipelines.planning import problem_of
-from engine.pipelines.poses.planning import plan_with_poses
-from engine.plugins import geometry_backend
-from engine.stages.planning import Limits
-from kb.asp import ground_term
-from kb.loader import load_problem
-from kb.loader.cell import cell_of
-from kb.model.cell import Body, BodyKind, Cell, Placement
-from kb.model.conditions import goal_parts
-from kb.model.plan import Step, StepId
-from kb.model.problem import Chain, Problem
-from kb.model.shapes import Box, PlacedShape, Pose
-from kb.terms import Function
+from cellwright.engine.formats.report import planned
+from cellwright.engine.model.moves import MovedStep, Unmoved
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import objective
+from cellwright.engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
+from cellwright.engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.leaving_out import all_lost, within_reach
+from cellwright.engine.pipelines.moves.planning import plan_moving
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.poses.planning import plan_with_poses
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load_problem
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
+from cellwright.kb.model.conditions import goal_parts
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.kb.terms import Function
 
 HEAD = "problem: few\ndomain: bulkhead\nobjects:\n  measurement: [a1..3]\nstatics:\n"
 POINTS = {

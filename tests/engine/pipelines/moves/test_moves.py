@@ -7,28 +7,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.formats.report import film
-from engine.model.moves import LegKind, MovedStep, Unmoved
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import objective
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.bars import without_blocked
-from engine.pipelines.moves.film import filmed, takes_of_plan, thinned
-from engine.pipelines.moves.planning import Moving, plan_moving
-from engine.pipelines.moves.states import states_of
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.pipelines.planning import check_plan
-from engine.pipelines.simulation.dynamics import Dynamics, WorldState
-from engine.plugins import geometry_backend
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.planning import Limits
-from kb.asp import ground_term
-from kb.loader import load_problem
-from kb.loader.cell import cell_of, load_cell
-from kb.model.plan import Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.formats.report import film
+from cellwright.engine.model.moves import LegKind, MovedStep, Unmoved
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import objective
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.bars import without_blocked
+from cellwright.engine.pipelines.moves.film import filmed, takes_of_plan, thinned
+from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
+from cellwright.engine.pipelines.moves.states import states_of
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.pipelines.planning import check_plan
+from cellwright.engine.pipelines.simulation.dynamics import Dynamics, WorldState
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load_problem
+from cellwright.kb.loader.cell import cell_of, load_cell
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 DOMAIN = """
 domain: kiln_room
@@ -188,7 +188,7 @@ def test_the_same_problem_has_the_same_motions(fired: Moving, tmp_path: Path) ->
     ],
 )
 def test_an_operation_that_means_nothing_is_told(entry: str, code: str, tmp_path: Path) -> None:
-    from kb.diagnostics import InvalidInput
+    from cellwright.kb.diagnostics import InvalidInput
 
     _, cell = kiln_room(tmp_path)
     cell.write_text(cell.read_text().replace("pick(Item, Place): {at: Place, takes: 1 s}", entry))

@@ -6,16 +6,16 @@ from pathlib import Path
 import pytest
 from test_moves import kiln_room, moving
 
-from engine.model.moves import MovedStep
-from engine.model.outcome import Found
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.walking import Walk, operation_of
-from engine.pipelines.simulation.dynamics import Dynamics, WorldState
-from engine.plugins import geometry_backend
-from kb.loader.cell import load_cell
-from kb.model.plan import Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.model.moves import MovedStep
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.walking import Walk, operation_of
+from cellwright.engine.pipelines.simulation.dynamics import Dynamics, WorldState
+from cellwright.engine.plugins import geometry_backend
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 PLACES = ("bench", "kiln", "top", "shelf")
 PAIRS = tuple(f"suits({item}, {place})" for item in ("bolt", "brick") for place in PLACES)

@@ -19,10 +19,10 @@ import pytest
 from scipy import ndimage
 from test_moves import DOMAIN, moving
 
-from engine.model.geometry import Floats, Truths
-from engine.model.outcome import Found
-from kb.loader import load_problem
-from kb.terms import Function
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.model.outcome import Found
+from cellwright.kb.loader import load_problem
+from cellwright.kb.terms import Function
 
 UPPER, FORE = 0.4, 0.3  # the links (m)
 LINK_R, SPINDLE_R, BOLT_R = 0.03, 0.025, 0.02

@@ -6,16 +6,16 @@ from math import pi
 import numpy as np
 import pytest
 
-from engine.kernels.linear import matmul
-from engine.model.execution import SEEN
-from engine.pipelines.moves.recognising import at_places
-from engine.pipelines.moves.seen import ROOM_M, Seen, look_at, seen_in, with_seen
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.parts import cores
-from engine.stages.geometry.world.model import World
-from kb.loader.cell import cell_of
-from kb.model.cell import Body, BodyKind, Cell, Placement
-from kb.model.shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
+from cellwright.engine.kernels.linear import matmul
+from cellwright.engine.model.execution import SEEN
+from cellwright.engine.pipelines.moves.recognising import at_places
+from cellwright.engine.pipelines.moves.seen import ROOM_M, Seen, look_at, seen_in, with_seen
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.parts import cores
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
+from cellwright.kb.model.shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
 
 
 def drawn(rng: np.random.Generator) -> Body:

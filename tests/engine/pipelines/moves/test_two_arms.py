@@ -8,24 +8,24 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.model.geometry import Floats
-from engine.model.moves import LegKind
-from engine.model.outcome import Found
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.meetings import Encounters
-from engine.pipelines.moves.meetings import found as found_meetings
-from engine.pipelines.moves.passing import moments_of
-from engine.pipelines.moves.planning import Moving, plan_moving
-from engine.pipelines.moves.rehearsal import Rehearsal, delayed
-from engine.pipelines.moves.walking import Walk
-from engine.pipelines.objective import Order, plan
-from engine.pipelines.planning import problem_of
-from engine.plugins import geometry_backend
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.planning import Limits
-from kb.loader.cell import cell_of
-from kb.model.plan import Plan, StepId
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.moves import LegKind
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.moves.meetings import Encounters
+from cellwright.engine.pipelines.moves.meetings import found as found_meetings
+from cellwright.engine.pipelines.moves.passing import moments_of
+from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
+from cellwright.engine.pipelines.moves.rehearsal import Rehearsal, delayed
+from cellwright.engine.pipelines.moves.walking import Walk
+from cellwright.engine.pipelines.objective import Order, plan
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.planning import Limits
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.plan import Plan, StepId
 
 
 @lru_cache

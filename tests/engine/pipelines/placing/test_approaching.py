@@ -6,26 +6,26 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import translation
-from engine.model.geometry import Floats
-from engine.model.grasping import Approach, NoApproach
-from engine.model.motion import Strategy
-from engine.pipelines.placing.answers import Placed
-from engine.pipelines.placing.approaching import WayOut, way_in
-from engine.pipelines.placing.carrying import MARGIN_M, gross
-from engine.pipelines.placing.holding import Reach, jaws_of, with_hand
-from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.placing import place
-from engine.pipelines.placing.resting import GOAL, START, resting
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.task import Coming, Manner, Task
-from engine.stages.geometry import transforms
-from engine.stages.geometry.world.model import World
-from kb.loader.scene import load_scene
-from kb.model.cell import Body, BodyKind, Placement
-from kb.model.scene import Scene
-from kb.model.shapes import Box, PlacedShape
-from kb.targets import BUNDLED
+from cellwright.engine.kernels.rigid import translation
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.grasping import Approach, NoApproach
+from cellwright.engine.model.motion import Strategy
+from cellwright.engine.pipelines.placing.answers import Placed
+from cellwright.engine.pipelines.placing.approaching import WayOut, way_in
+from cellwright.engine.pipelines.placing.carrying import MARGIN_M, gross
+from cellwright.engine.pipelines.placing.holding import Reach, jaws_of, with_hand
+from cellwright.engine.pipelines.placing.looking import look
+from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.pipelines.placing.resting import GOAL, START, resting
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.task import Coming, Manner, Task
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.cell import Body, BodyKind, Placement
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.model.shapes import Box, PlacedShape
+from cellwright.kb.targets import BUNDLED
 
 SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
 
@@ -80,7 +80,7 @@ def test_a_bar_above_the_hand_stops_the_straight_way_and_not_the_one_in_the_plan
 
 
 def test_whatever_way_is_found_in_the_plane_is_free_there(barred: Scene, plan: Placed) -> None:
-    from engine.pipelines.placing.approaching import _between, plane_of
+    from cellwright.engine.pipelines.placing.approaching import _between, plane_of
 
     task = task_of(barred, plan, Manner(Coming.COMPLETE))
     found = WayOut(task, hold_of(task, plan), plan.T_world_part).in_plane

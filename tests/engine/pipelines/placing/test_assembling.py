@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.pipelines.placing.assembling import Built, assemble
-from engine.pipelines.placing.ordering import NotBuilt, problem_with
-from engine.pipelines.placing.yard import Move, Obstacle, Spot, Way, least
-from engine.pipelines.planning import check_plan
-from kb.loader import load_domain
-from kb.loader.scene import load_scene
-from kb.model.cell import Placement
-from kb.model.scene import Scene
-from kb.model.shapes import Pose
-from kb.targets import BUNDLED
+from cellwright.engine.pipelines.placing.assembling import Built, assemble
+from cellwright.engine.pipelines.placing.ordering import NotBuilt, problem_with
+from cellwright.engine.pipelines.placing.yard import Move, Obstacle, Spot, Way, least
+from cellwright.engine.pipelines.planning import check_plan
+from cellwright.kb.loader import load_domain
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.cell import Placement
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.model.shapes import Pose
+from cellwright.kb.targets import BUNDLED
 
 DOMAIN = load_domain("handey")
 FIVE = load_scene(BUNDLED / "handey" / "scenes" / "five.yaml")

@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import difference, transform, turned
-from engine.model.geometry import Floats
-from engine.model.vision import Camera, Hypothesis, Located
-from engine.pipelines.placing.looking import camera_of, camera_pose, corrected, doubted
-from engine.pipelines.placing.optics import Errors, Optics
-from engine.pipelines.placing.seeing import Seeing
-from engine.stages.geometry.world.model import World
-from kb.diagnostics import InvalidInput
-from kb.loader.calibration import calibration_text, load_calibration
-from kb.loader.scene import load_scene
-from kb.model.scene import CameraFound
-from kb.targets import BUNDLED
+from cellwright.engine.kernels.rigid import difference, transform, turned
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.vision import Camera, Hypothesis, Located
+from cellwright.engine.pipelines.placing.looking import camera_of, camera_pose, corrected, doubted
+from cellwright.engine.pipelines.placing.optics import Errors, Optics
+from cellwright.engine.pipelines.placing.seeing import Seeing
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.calibration import calibration_text, load_calibration
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.scene import CameraFound
+from cellwright.kb.targets import BUNDLED
 
 SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
 WORLD = World.of(SCENE.cell)

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.kernels.arrays import Floats
-from engine.pipelines.placing.answers import NotPlaced, Placed
-from engine.pipelines.placing.doubt import after_grasps, at_goal
-from engine.pipelines.placing.looking import camera_of, depth_image
-from engine.pipelines.placing.placing import again, place
-from engine.stages.geometry.world.model import World
-from kb.loader.scene import load_scene
-from kb.model.cell import Placement
-from kb.model.shapes import Pose
-from kb.targets import BUNDLED
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.pipelines.placing.answers import NotPlaced, Placed
+from cellwright.engine.pipelines.placing.doubt import after_grasps, at_goal
+from cellwright.engine.pipelines.placing.looking import camera_of, depth_image
+from cellwright.engine.pipelines.placing.placing import again, place
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.cell import Placement
+from cellwright.kb.model.shapes import Pose
+from cellwright.kb.targets import BUNDLED
 
 SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
 

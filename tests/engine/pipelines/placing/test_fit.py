@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.pipelines.placing.answers import Placed
-from engine.pipelines.placing.fit import insertion_of
-from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.placing import place
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.task import Task
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.insertion import Search
-from kb.loader.scene import load_scene
-from kb.model.scene import Scene
-from kb.targets import BUNDLED
+from cellwright.engine.pipelines.placing.answers import Placed
+from cellwright.engine.pipelines.placing.fit import insertion_of
+from cellwright.engine.pipelines.placing.looking import look
+from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.insertion import Search
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.targets import BUNDLED
 
 PEG = load_scene(BUNDLED / "handey" / "scenes" / "peg.yaml")
 NOTHING, UPRIGHT = np.zeros((6, 6)), np.eye(4)

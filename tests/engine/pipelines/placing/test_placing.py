@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import difference
-from engine.pipelines.placing.answers import NotPlaced, Placed
-from engine.pipelines.placing.goals import features_of, goal_of
-from engine.pipelines.placing.looking import camera_of, depth_image
-from engine.pipelines.placing.placing import place
-from engine.stages.geometry.world.model import World
-from kb.diagnostics import InvalidInput
-from kb.loader.scene import load_scene
-from kb.model.scene import SaidRelation, Scene
-from kb.targets import BUNDLED
+from cellwright.engine.kernels.rigid import difference
+from cellwright.engine.pipelines.placing.answers import NotPlaced, Placed
+from cellwright.engine.pipelines.placing.goals import features_of, goal_of
+from cellwright.engine.pipelines.placing.looking import camera_of, depth_image
+from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.scene import SaidRelation, Scene
+from cellwright.kb.targets import BUNDLED
 
 SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
 

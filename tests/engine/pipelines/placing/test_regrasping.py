@@ -6,23 +6,23 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from engine.kernels.arrays import Truths
-from engine.kernels.rigid import rotation, transform
-from engine.model.grasping import Regrasps, Unplaceable
-from engine.pipelines.placing.answers import NotPlaced, Placed
-from engine.pipelines.placing.looking import look
-from engine.pipelines.placing.placing import place
-from engine.pipelines.placing.site import Site
-from engine.pipelines.placing.task import Task
-from engine.pipelines.placing.ways import possible, reached, rests, serving, shortest
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.geometry.world.model import World
-from engine.stages.grasping.placements import placements, volume_and_centre
-from kb.loader.scene import load_scene
-from kb.model.cell import Placement
-from kb.model.scene import Scene
-from kb.targets import BUNDLED
+from cellwright.engine.kernels.arrays import Truths
+from cellwright.engine.kernels.rigid import rotation, transform
+from cellwright.engine.model.grasping import Regrasps, Unplaceable
+from cellwright.engine.pipelines.placing.answers import NotPlaced, Placed
+from cellwright.engine.pipelines.placing.looking import look
+from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.pipelines.placing.site import Site
+from cellwright.engine.pipelines.placing.task import Task
+from cellwright.engine.pipelines.placing.ways import possible, reached, rests, serving, shortest
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.grasping.placements import placements, volume_and_centre
+from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.model.cell import Placement
+from cellwright.kb.model.scene import Scene
+from cellwright.kb.targets import BUNDLED
 
 SCENE = load_scene(BUNDLED / "handey" / "scenes" / "turning.yaml")
 WHEEL = solid_of(SCENE.cell.bodies["wheel"])

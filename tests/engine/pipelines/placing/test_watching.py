@@ -7,21 +7,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.formats.interop.acts import read_acts
-from engine.kernels.rigid import rotation, transform
-from engine.pipelines.placing.aligning import Brought, bring
-from engine.pipelines.placing.answers import NotPlaced, Placed
-from engine.pipelines.placing.holding import Reach, with_hand
-from engine.pipelines.placing.placing import place
-from engine.pipelines.placing.watching import Act, Event, Jaws, Outlook, Shifted, Watched, begin, watched
-from engine.pipelines.placing.ways import possible
-from engine.stages.geometry import transforms
-from engine.stages.geometry.shapes.solids import solid_of
-from engine.stages.grasping.placements import placements, volume_and_centre
-from kb.diagnostics import InvalidInput
-from kb.loader.scene import load_scene, relation_of
-from kb.model.cell import Placement
-from kb.targets import BUNDLED
+from cellwright.engine.formats.interop.acts import read_acts
+from cellwright.engine.kernels.rigid import rotation, transform
+from cellwright.engine.pipelines.placing.aligning import Brought, bring
+from cellwright.engine.pipelines.placing.answers import NotPlaced, Placed
+from cellwright.engine.pipelines.placing.holding import Reach, with_hand
+from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.pipelines.placing.watching import (
+    Act,
+    Event,
+    Jaws,
+    Outlook,
+    Shifted,
+    Watched,
+    begin,
+    watched,
+)
+from cellwright.engine.pipelines.placing.ways import possible
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.shapes.solids import solid_of
+from cellwright.engine.stages.grasping.placements import placements, volume_and_centre
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.scene import load_scene, relation_of
+from cellwright.kb.model.cell import Placement
+from cellwright.kb.targets import BUNDLED
 
 ANGLE = load_scene(BUNDLED / "handey" / "scene.yaml")
 TURNING = load_scene(BUNDLED / "handey" / "scenes" / "turning.yaml")

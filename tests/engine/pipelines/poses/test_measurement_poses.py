@@ -6,24 +6,24 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.model.measurements import asked_for
-from engine.pipelines import poses
-from engine.pipelines.moves.rides import Ride
-from engine.pipelines.moves.rooms import Room
-from engine.pipelines.places import with_measured_places
-from engine.pipelines.planning import problem_of
-from engine.pipelines.poses import Knowledge, known_poses, with_stations
-from engine.plugins import geometry_backend
-from engine.stages.geometry.kinematics.inverse import InverseKinematics
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from engine.stages.grounding.need import thinned
-from kb.loader.cell import cell_of
-from kb.model.cell import TOUCH_M, Body, BodyKind, Cell, Placement
-from kb.model.conditions import And, goal_parts
-from kb.model.problem import Problem
-from kb.model.shapes import Box, PlacedShape, Pose
-from kb.terms import Function, Number
+from cellwright.engine.model.measurements import asked_for
+from cellwright.engine.pipelines import poses
+from cellwright.engine.pipelines.moves.rides import Ride
+from cellwright.engine.pipelines.moves.rooms import Room
+from cellwright.engine.pipelines.places import with_measured_places
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.poses import Knowledge, known_poses, with_stations
+from cellwright.engine.plugins import geometry_backend
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.grounding.need import thinned
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.cell import TOUCH_M, Body, BodyKind, Cell, Placement
+from cellwright.kb.model.conditions import And, goal_parts
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.kb.terms import Function, Number
 
 PROBLEM = "bulkhead/three_stations"
 STATIONS = ("left", "middle", "right")

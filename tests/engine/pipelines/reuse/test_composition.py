@@ -7,17 +7,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.reuse import Answered, Practice, practice
-from engine.stages.macros.lookup.repertoire import DOUBT_S, pays
-from engine.stages.planning import Limits
-from engine.stages.validation import validate
-from kb.loader import load, with_goals
-from kb.model.conditions import TRUE
-from kb.model.macro import Macrop
-from kb.model.problem import Problem
-from kb.store import Library, Stored, Use
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.reuse import Answered, Practice, practice
+from cellwright.engine.stages.macros.lookup.repertoire import DOUBT_S, pays
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.loader import load, with_goals
+from cellwright.kb.model.conditions import TRUE
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library, Stored, Use
 from tests.places import BUNDLED as DOMAINS
 
 
@@ -105,7 +105,7 @@ def test_a_macrop_that_costs_more_than_it_saves_is_not_offered() -> None:
 
 
 def _nothing() -> Macrop:
-    from kb.terms import Function
+    from cellwright.kb.terms import Function
 
     return Macrop(Function("nothing"), "d", (), (), (), (), (), (), (), (), (), ())
 

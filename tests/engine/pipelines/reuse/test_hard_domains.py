@@ -5,20 +5,20 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.formats.report.macros import origin
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.reuse import Answered, Practice
-from engine.stages.macros.learning.generalise import generalise
-from engine.stages.macros.lifted.execution import executed
-from engine.stages.macros.lookup.query import query
-from engine.stages.validation import validate
-from kb.loader import load, with_goals
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.store import Library
-from kb.terms import Function
+from cellwright.engine.faces.cli import app
+from cellwright.engine.formats.report.macros import origin
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.reuse import Answered, Practice
+from cellwright.engine.stages.macros.learning.generalise import generalise
+from cellwright.engine.stages.macros.lifted.execution import executed
+from cellwright.engine.stages.macros.lookup.query import query
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.loader import load, with_goals
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library
+from cellwright.kb.terms import Function
 
 ALL = """domain: house
 types: {place: object}

@@ -7,21 +7,21 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.formats.interop.pddl import read_pddl
-from engine.model.outcome import Found, Offer, Statistics
-from engine.pipelines import planning
-from engine.pipelines.reuse import Practice
-from engine.pipelines.reuse.lessons import records
-from engine.pipelines.reuse.subsequences import FAILED, SIGNATURE, Subsequences, pattern_of
-from engine.stages.macros.learning.subsequences import fits
-from engine.stages.planning import Limits
-from engine.stages.planning.utility import measured
-from engine.stages.validation import validate
-from kb.model.domain import Domain, Operator
-from kb.model.problem import Problem
-from kb.store import Library, document, macrop_of
-from kb.store.utilities import RARELY, Utility
+from cellwright.engine.faces.cli import app
+from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.model.outcome import Found, Offer, Statistics
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.reuse import Practice
+from cellwright.engine.pipelines.reuse.lessons import records
+from cellwright.engine.pipelines.reuse.subsequences import FAILED, SIGNATURE, Subsequences, pattern_of
+from cellwright.engine.stages.macros.learning.subsequences import fits
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning.utility import measured
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library, document, macrop_of
+from cellwright.kb.store.utilities import RARELY, Utility
 
 DOMAIN = """
 (define (domain parcels) (:requirements :strips)

@@ -8,20 +8,20 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found
-from engine.pipelines.gate import PlanGate
-from engine.pipelines.reuse import Answered, Practice
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup import lookup
-from engine.stages.planning import Limits
-from engine.stages.validation import validate
-from kb.diagnostics import InvalidInput
-from kb.loader import load, with_goals
-from kb.model.conditions import TRUE
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.store import Library
-from kb.terms import Function, Number, ordered
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines.gate import PlanGate
+from cellwright.engine.pipelines.reuse import Answered, Practice
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lookup import lookup
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load, with_goals
+from cellwright.kb.model.conditions import TRUE
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library
+from cellwright.kb.terms import Function, Number, ordered
 from tests.places import BUNDLED as DOMAINS
 
 POINTS = """

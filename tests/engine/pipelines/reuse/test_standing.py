@@ -9,19 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from engine.pipelines.objective import Order
-from engine.pipelines.recall import planned
-from engine.pipelines.reuse import standing as module
-from engine.pipelines.reuse.standing import close_standing, standing
-from engine.stages.macros.lifted import world
-from engine.stages.planning import Limits
-from engine.stages.validation import semantics
-from kb.diagnostics import InvalidInput
-from kb.loader import load, with_goals
-from kb.model.problem import Problem
-from kb.store import Library, Record
-from kb.store.opening import begin_anew, opened_so_far
-from kb.terms import Function
+from cellwright.engine.pipelines.objective import Order
+from cellwright.engine.pipelines.recall import planned
+from cellwright.engine.pipelines.reuse import standing as module
+from cellwright.engine.pipelines.reuse.standing import close_standing, standing
+from cellwright.engine.stages.macros.lifted import world
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.validation import semantics
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load, with_goals
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library, Record
+from cellwright.kb.store.opening import begin_anew, opened_so_far
+from cellwright.kb.terms import Function
 from tests.engine.pipelines.reuse.test_practice import POINTS
 
 GOAL = "measured(_, _, meas(m2))"

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from engine.model.task import progress
-from engine.pipelines.revision import Course
-from engine.pipelines.revision.observing import expected
-from engine.pipelines.revision.remaining import stages_reached
-from engine.stages.macros.lifted.execution import changes_of
-from kb.loader.plan import load_plan
-from kb.model.plan import StepId
-from kb.terms import Atom
+from cellwright.engine.model.task import progress
+from cellwright.engine.pipelines.revision import Course
+from cellwright.engine.pipelines.revision.observing import expected
+from cellwright.engine.pipelines.revision.remaining import stages_reached
+from cellwright.engine.stages.macros.lifted.execution import changes_of
+from cellwright.kb.loader.plan import load_plan
+from cellwright.kb.model.plan import StepId
+from cellwright.kb.terms import Atom
 from tests.places import BUNDLED as DOMAINS
 
 PLANS = sorted(

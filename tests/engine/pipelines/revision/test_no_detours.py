@@ -7,10 +7,10 @@ import pytest
 from hypothesis import HealthCheck, assume, event, example, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.revision import PlanRevision, revise
-from kb.diagnostics import InvalidInput
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.revision import PlanRevision, revise
+from cellwright.kb.diagnostics import InvalidInput
 from tests.engine.pipelines.revision.disturbances import PLANS, course, moment
 from tests.properties.detours import needless
 

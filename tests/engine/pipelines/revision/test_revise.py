@@ -11,17 +11,17 @@ from disturbances import DOMAINS, PLANS, course, moment
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.pipelines.revision import PlanRevision, revise
-from engine.pipelines.revision.observing import expected, observed
-from engine.stages.validation import validate
-from kb.model.plan import Plan, StepId
-from kb.terms import Atom, Function
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.revision import PlanRevision, revise
+from cellwright.engine.pipelines.revision.observing import expected, observed
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.terms import Atom, Function
 
 
 def atom(text: str) -> Atom:
-    from kb.asp import ground_term
+    from cellwright.kb.asp import ground_term
 
     found = ground_term(text)
     assert isinstance(found, Function)

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from engine.pipelines.simulation.dynamics import Dynamics, WorldState
-from engine.pipelines.simulation.faulty import FaultyCell, history
-from kb.asp import ground_term
-from kb.loader import load
-from kb.loader.faults import load_faults
-from kb.model.plan import Plan, Step, StepId
-from kb.terms import Function, Variable
+from cellwright.engine.pipelines.simulation.dynamics import Dynamics, WorldState
+from cellwright.engine.pipelines.simulation.faulty import FaultyCell, history
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.terms import Function, Variable
 
 DOMAIN = """domain: bench
 types: {item: object}

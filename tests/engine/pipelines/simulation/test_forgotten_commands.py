@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import pytest
 
-from engine.model.execution import Command, CommandKind, Fate, Message
-from engine.pipelines.simulator import driver
-from engine.pipelines.simulator.driver import Simulator
-from engine.pipelines.simulator.settings import Settings
+from cellwright.engine.model.execution import Command, CommandKind, Fate, Message
+from cellwright.engine.pipelines.simulator import driver
+from cellwright.engine.pipelines.simulator.driver import Simulator
+from cellwright.engine.pipelines.simulator.settings import Settings
 
 KEPT = 10
 

@@ -1,8 +1,8 @@
 """Steps that cannot be taken: what is said of them."""
 
-from engine.pipelines.planning import problem_of
-from engine.pipelines.simulation import Dynamics
-from kb.terms import Function
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.kb.terms import Function
 
 
 def test_a_refusal_names_what_does_not_hold_and_nothing_else() -> None:

@@ -6,21 +6,21 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from engine.faces.cli import app
-from engine.model.cases import Revision
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import objective, planning
-from engine.pipelines.inspection.progress import News
-from engine.pipelines.parts.keeping import carry_on, told_of_losses
-from engine.pipelines.troubleshooting import after, recover
-from engine.pipelines.troubleshooting.recovery import rest_of
-from engine.stages.validation.semantics import Semantics
-from kb.asp import ground_term
-from kb.loader import load
-from kb.loader.plan import load_plan
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.faces.cli import app
+from cellwright.engine.model.cases import Revision
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import objective, planning
+from cellwright.engine.pipelines.inspection.progress import News
+from cellwright.engine.pipelines.parts.keeping import carry_on, told_of_losses
+from cellwright.engine.pipelines.troubleshooting import after, recover
+from cellwright.engine.pipelines.troubleshooting.recovery import rest_of
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load
+from cellwright.kb.loader.plan import load_plan
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 POINTS = (
     "name,x,y,z,nx,ny,nz,kind\na,0,0,0,0,0,1,profile\nc,20,0,0,0,0,1,thickness\ng,50,0,0,0,0,1,thickness\n"

@@ -5,18 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.cases import Hypothesis, Revision
-from engine.model.outcome import Found, Infeasible
-from engine.pipelines import planning
-from engine.pipelines.troubleshooting import Preparations, after, recover
-from engine.stages.diagnosis.revision import binding_of, revision
-from engine.stages.diagnosis.session import QUESTION, Session, run
-from engine.stages.diagnosis.world import HiddenWorld
-from kb.asp import ground_term
-from kb.loader.faults import load_faults
-from kb.model.faults import FaultModel
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Variable
+from cellwright.engine.model.cases import Hypothesis, Revision
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.troubleshooting import Preparations, after, recover
+from cellwright.engine.stages.diagnosis.revision import binding_of, revision
+from cellwright.engine.stages.diagnosis.session import QUESTION, Session, run
+from cellwright.engine.stages.diagnosis.world import HiddenWorld
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Variable
 
 
 def atom(text: str) -> Atom:

@@ -5,15 +5,15 @@ import random
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import transform, turned
-from engine.model.verdicts import Feature
-from engine.pipelines.verdicts.assessing import assessed
-from engine.pipelines.verdicts.lying import Lying, displaced
-from engine.pipelines.verdicts.worth import chance_of_decision
-from kb.loader import load
-from kb.model.conformity import Conformity, conformity
-from kb.model.problem import Problem
-from kb.model.results import Measured
+from cellwright.engine.kernels.rigid import transform, turned
+from cellwright.engine.model.verdicts import Feature
+from cellwright.engine.pipelines.verdicts.assessing import assessed
+from cellwright.engine.pipelines.verdicts.lying import Lying, displaced
+from cellwright.engine.pipelines.verdicts.worth import chance_of_decision
+from cellwright.kb.loader import load
+from cellwright.kb.model.conformity import Conformity, conformity
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.results import Measured
 from tests.places import BUNDLED
 
 

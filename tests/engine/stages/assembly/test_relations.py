@@ -7,10 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.kernels.rigid import apply, turned
-from engine.model.assembly import Assembled, Contradiction, Feature, FeatureKind, Relation, RelationKind
-from engine.model.geometry import Floats
-from engine.stages.assembly.relations import assemble
+from cellwright.engine.kernels.rigid import apply, turned
+from cellwright.engine.model.assembly import (
+    Assembled,
+    Contradiction,
+    Feature,
+    FeatureKind,
+    Relation,
+    RelationKind,
+)
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.assembly.relations import assemble
 
 K = RelationKind
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}

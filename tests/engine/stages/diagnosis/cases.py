@@ -6,7 +6,7 @@ import math
 import numpy as np
 from hypothesis import strategies as st
 
-from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
+from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
 
 COSTS = st.integers(1, 10).map(float)
 CHANCES = st.sampled_from((0.0, 0.1, 0.3, 0.5, 0.8, 1.0))

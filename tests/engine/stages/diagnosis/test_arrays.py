@@ -7,8 +7,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, field_bits
-from engine.stages.diagnosis import arrays
+from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, field_bits
+from cellwright.engine.stages.diagnosis import arrays
 from tests.engine.stages.diagnosis.cases import certain, each_alone, isolations, names, troubles, uncertain
 
 SOME = settings(max_examples=60, deadline=None)

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.circuit import AND, OR, XOR, Circuit, Gate
-from engine.stages.diagnosis.bench import BenchError, read_bench
-from engine.stages.diagnosis.circuits import diagnose, top_level
+from cellwright.engine.model.circuit import AND, OR, XOR, Circuit, Gate
+from cellwright.engine.stages.diagnosis.bench import BenchError, read_bench
+from cellwright.engine.stages.diagnosis.circuits import diagnose, top_level
 
 C17 = """# six gates
 INPUT(1)

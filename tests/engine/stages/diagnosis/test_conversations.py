@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from engine.model.cases import Diagnosis, Hypothesis, Observation, Prepared
-from engine.model.troubleshooting import Action, Advice
-from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
-from engine.stages.diagnosis.multiple import explanations
-from engine.stages.diagnosis.session import A_PERSON, QUESTION, Session, run, steps
-from engine.stages.diagnosis.world import HiddenWorld, draw_cause
-from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
-from kb.model.plan import Step, StepId
-from kb.terms import Function
+from cellwright.engine.model.cases import Diagnosis, Hypothesis, Observation, Prepared
+from cellwright.engine.model.troubleshooting import Action, Advice
+from cellwright.engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
+from cellwright.engine.stages.diagnosis.multiple import explanations
+from cellwright.engine.stages.diagnosis.session import A_PERSON, QUESTION, Session, run, steps
+from cellwright.engine.stages.diagnosis.world import HiddenWorld, draw_cause
+from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.terms import Function
 
 LOOK = FaultTest("look", "", 2, ("fine", "wet"), "fine", {"leak": {"wet": 1.0}})
 LISTEN = FaultTest("listen", "", 1, ("quiet", "loud"), "quiet", {"jam": {"loud": 1.0}})

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-import engine.stages.diagnosis.kernels
-from engine.kernels.cancellation import Poll
-from engine.model.troubleshooting import Troubleshooting
-from engine.stages.diagnosis import arrays
+import cellwright.engine.stages.diagnosis.kernels
+from cellwright.engine.kernels.cancellation import Poll
+from cellwright.engine.model.troubleshooting import Troubleshooting
+from cellwright.engine.stages.diagnosis import arrays
 from tests.engine.interpreted import interpreted_package
 from tests.engine.stages.diagnosis.cases import isolations, troubles
 
 Modules = dict[str, ModuleType]
-PACKAGE = engine.stages.diagnosis.kernels
+PACKAGE = cellwright.engine.stages.diagnosis.kernels
 PLAIN: Modules = interpreted_package(PACKAGE)
 IMPORTED: Modules = {name: importlib.import_module(f"{PACKAGE.__name__}.{name}") for name in PLAIN}
 EVERY = (

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.cases import Hypothesis, Observation
-from engine.model.troubleshooting import Setup
-from engine.stages.diagnosis.knowledge import (
+from cellwright.engine.model.cases import Hypothesis, Observation
+from cellwright.engine.model.troubleshooting import Setup
+from cellwright.engine.stages.diagnosis.knowledge import (
     CURED,
     NOT_CURED,
     STOP,
@@ -19,10 +19,10 @@ from engine.stages.diagnosis.knowledge import (
     likelihood,
     open_case,
 )
-from engine.stages.diagnosis.multiple import explanations
-from engine.stages.diagnosis.session import Session
-from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
-from kb.terms import Function
+from cellwright.engine.stages.diagnosis.multiple import explanations
+from cellwright.engine.stages.diagnosis.session import Session
+from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.kb.terms import Function
 
 MANY = settings(max_examples=50, deadline=None)
 GAUGE = FaultTest(

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.troubleshooting import Conclude, Standing, Tree, Troubleshooting
-from engine.stages.diagnosis.selection import Selector
+from cellwright.engine.model.troubleshooting import Conclude, Standing, Tree, Troubleshooting
+from cellwright.engine.stages.diagnosis.selection import Selector
 from tests.engine.stages.diagnosis.cases import certain, isolations, names, troubles
 
 SOME = settings(max_examples=80, deadline=None)

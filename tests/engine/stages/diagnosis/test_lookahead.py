@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from engine.kernels.cancellation import Poll
-from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
-from engine.stages.diagnosis import arrays, exact, selection
-from engine.stages.diagnosis.exact import BranchAndBound, ValueTable
-from engine.stages.diagnosis.selection import RULES, Selector
+from cellwright.engine.kernels.cancellation import Poll
+from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
+from cellwright.engine.stages.diagnosis import arrays, exact, selection
+from cellwright.engine.stages.diagnosis.exact import BranchAndBound, ValueTable
+from cellwright.engine.stages.diagnosis.selection import RULES, Selector
 from tests.engine.stages.diagnosis.cases import brute_force, certain, each_alone, names, uncertain
 
 

@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.cases import Diagnosis, Hypothesis
-from engine.stages.diagnosis.revision import (
+from cellwright.engine.model.cases import Diagnosis, Hypothesis
+from cellwright.engine.stages.diagnosis.revision import (
     binding_of,
     bound,
     certainties,
     presupposed,
     revision,
 )
-from kb.model.conditions import TRUE, And, Comparison, Literal, Parameter
-from kb.model.domain import Domain, Operator
-from kb.model.faults import Cause, FaultModel, Interruption, Repair
-from kb.terms import ANYTHING, Atom, Function, Variable
+from cellwright.kb.model.conditions import TRUE, And, Comparison, Literal, Parameter
+from cellwright.kb.model.domain import Domain, Operator
+from cellwright.kb.model.faults import Cause, FaultModel, Interruption, Repair
+from cellwright.kb.terms import ANYTHING, Atom, Function, Variable
 
 ITEM, P = Variable("I"), Variable("P")
 X, Y = Variable("X"), Variable("Y")

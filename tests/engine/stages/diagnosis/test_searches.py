@@ -5,12 +5,12 @@ import math
 import pytest
 from hypothesis import given, settings
 
-from engine.kernels.cancellation import Interrupted, Poll, never
-from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, expected_cost
-from engine.stages.diagnosis import arrays, exact
-from engine.stages.diagnosis.exact import BranchAndBound, Searcher, ValueTable
-from engine.stages.diagnosis.kernels.memo import Memo
-from engine.stages.diagnosis.selection import RULES, Selector
+from cellwright.engine.kernels.cancellation import Interrupted, Poll, never
+from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, expected_cost
+from cellwright.engine.stages.diagnosis import arrays, exact
+from cellwright.engine.stages.diagnosis.exact import BranchAndBound, Searcher, ValueTable
+from cellwright.engine.stages.diagnosis.kernels.memo import Memo
+from cellwright.engine.stages.diagnosis.selection import RULES, Selector
 from tests.engine.stages.diagnosis.cases import (
     brute_force,
     certain,

@@ -7,11 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.troubleshooting import Conclude, Conclusion, Tree, Troubleshooting, Try, expected_cost
-from engine.stages.diagnosis import arrays
-from engine.stages.diagnosis.exact import BranchAndBound
-from engine.stages.diagnosis.selection import RULES, Selector
-from engine.stages.diagnosis.trees import simulated_cost
+from cellwright.engine.model.troubleshooting import (
+    Conclude,
+    Conclusion,
+    Tree,
+    Troubleshooting,
+    Try,
+    expected_cost,
+)
+from cellwright.engine.stages.diagnosis import arrays
+from cellwright.engine.stages.diagnosis.exact import BranchAndBound
+from cellwright.engine.stages.diagnosis.selection import RULES, Selector
+from cellwright.engine.stages.diagnosis.trees import simulated_cost
 from tests.engine.stages.diagnosis.cases import (
     brute_force,
     certain,

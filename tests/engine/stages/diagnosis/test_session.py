@@ -5,20 +5,20 @@ import random
 
 import pytest
 
-from engine.model.cases import Diagnosis, Hypothesis, Observation
-from engine.model.troubleshooting import expected_cost
-from engine.stages.diagnosis.knowledge import Objective, likelihood, open_case
-from engine.stages.diagnosis.multiple import explanations
-from engine.stages.diagnosis.revision import binding_of, certainties, revision
-from engine.stages.diagnosis.selection import Selector
-from engine.stages.diagnosis.session import QUESTION, Session, run
-from engine.stages.diagnosis.trees import simulated_cost
-from engine.stages.diagnosis.world import HiddenWorld, draw_cause
-from kb.asp import ground_term
-from kb.loader import bundled
-from kb.loader.faults import load_faults
-from kb.model.faults import FaultModel
-from kb.terms import Function
+from cellwright.engine.model.cases import Diagnosis, Hypothesis, Observation
+from cellwright.engine.model.troubleshooting import expected_cost
+from cellwright.engine.stages.diagnosis.knowledge import Objective, likelihood, open_case
+from cellwright.engine.stages.diagnosis.multiple import explanations
+from cellwright.engine.stages.diagnosis.revision import binding_of, certainties, revision
+from cellwright.engine.stages.diagnosis.selection import Selector
+from cellwright.engine.stages.diagnosis.session import QUESTION, Session, run
+from cellwright.engine.stages.diagnosis.trees import simulated_cost
+from cellwright.engine.stages.diagnosis.world import HiddenWorld, draw_cause
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import bundled
+from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.terms import Function
 
 MODELS = {name: load_faults(bundled()[name] / "domain.yaml")[0] for name in ("bulkhead", "themse")}
 RAISED = [

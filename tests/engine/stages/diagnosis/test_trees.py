@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.troubleshooting import Troubleshooting, expected_cost
-from engine.stages.diagnosis.selection import RULES, Selector
-from engine.stages.diagnosis.trees import cost_of_case, cost_under, simulated_cost
+from cellwright.engine.model.troubleshooting import Troubleshooting, expected_cost
+from cellwright.engine.stages.diagnosis.selection import RULES, Selector
+from cellwright.engine.stages.diagnosis.trees import cost_of_case, cost_under, simulated_cost
 from tests.engine.stages.diagnosis.cases import isolations, priors, troubles
 
 MANY = settings(max_examples=60, deadline=None)

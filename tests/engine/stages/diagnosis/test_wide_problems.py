@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.cases import Hypothesis
-from engine.model.troubleshooting import Action, Troubleshooting, expected_cost
-from engine.stages.diagnosis.knowledge import Objective
-from engine.stages.diagnosis.selection import Selector
-from engine.stages.diagnosis.session import Session, run
-from engine.stages.diagnosis.world import HiddenWorld
-from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.engine.model.cases import Hypothesis
+from cellwright.engine.model.troubleshooting import Action, Troubleshooting, expected_cost
+from cellwright.engine.stages.diagnosis.knowledge import Objective
+from cellwright.engine.stages.diagnosis.selection import Selector
+from cellwright.engine.stages.diagnosis.session import Session, run
+from cellwright.engine.stages.diagnosis.world import HiddenWorld
+from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
 from tests.engine.stages.diagnosis.cases import (
     brute_force,
     certain,

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.execution import Phase
-from engine.stages import execution as x
-from engine.stages.execution import Activity, Dwell, Program
+from cellwright.engine.model.execution import Phase
+from cellwright.engine.stages import execution as x
+from cellwright.engine.stages.execution import Activity, Dwell, Program
 
 
 @dataclass

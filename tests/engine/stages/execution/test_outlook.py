@@ -6,10 +6,10 @@ from functools import reduce
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.execution import Phase
-from engine.stages import execution as x
-from engine.stages.execution import Activity, Program
-from engine.stages.execution.outlook import Accuracy, outlook
+from cellwright.engine.model.execution import Phase
+from cellwright.engine.stages import execution as x
+from cellwright.engine.stages.execution import Activity, Program
+from cellwright.engine.stages.execution.outlook import Accuracy, outlook
 
 FAR = 10**9  # a tolerance that is never reached
 EXACT = reduce(lambda known, _: known.after(1_000, 1_000), range(500), Accuracy())

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import apply, transform, turned
-from engine.model.fits import Alignment, Datums, Unaligned
-from engine.model.geometry import Floats, Longs
-from engine.stages.fitting.alignment import aligned, holding, lacking, sure_enough
+from cellwright.engine.kernels.rigid import apply, transform, turned
+from cellwright.engine.model.fits import Alignment, Datums, Unaligned
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.stages.fitting.alignment import aligned, holding, lacking, sure_enough
 
 SIGMA_M = 1e-4
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import transform, turned
-from engine.model.fits import Cloud, Fit, Shape
-from engine.model.geometry import Floats
-from engine.stages.fitting.beams import narrowed
-from engine.stages.fitting.distances import distances
-from engine.stages.fitting.rays import met
-from engine.stages.fitting.starts import Guess
-from engine.stages.fitting.surfaces import fitted
+from cellwright.engine.kernels.rigid import transform, turned
+from cellwright.engine.model.fits import Cloud, Fit, Shape
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.fitting.beams import narrowed
+from cellwright.engine.stages.fitting.distances import distances
+from cellwright.engine.stages.fitting.rays import met
+from cellwright.engine.stages.fitting.starts import Guess
+from cellwright.engine.stages.fitting.surfaces import fitted
 
 CENTRE = np.array([0.0, 0.0, 0.16])
 RADIUS = 0.01

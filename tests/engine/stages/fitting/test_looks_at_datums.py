@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from engine.model.fits import Alignment, Datums
-from engine.model.geometry import Floats
-from engine.stages.fitting.alignment import aligned
-from engine.stages.fitting.looks import further_looks
+from cellwright.engine.model.fits import Alignment, Datums
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.fitting.alignment import aligned
+from cellwright.engine.stages.fitting.looks import further_looks
 
 NOISE_M, PLACES = 1e-4, [(x, y, 0.0) for x in (-2.5, 2.5) for y in (-1.0, 1.0)]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.stages.fitting.consistency import LEAST, expected
+from cellwright.engine.stages.fitting.consistency import LEAST, expected
 
 UP = np.array([0.0, 0.0, 1.0])
 

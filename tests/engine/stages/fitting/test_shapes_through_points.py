@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import apply, inverse, transform, translation, turned
-from engine.model.fits import PARAMETERS, Cloud, Fit, Shape, Unfitted
-from engine.model.geometry import Floats
-from engine.stages.fitting.between import between
-from engine.stages.fitting.distances import distances, normals, slopes
-from engine.stages.fitting.surfaces import fitted
+from cellwright.engine.kernels.rigid import apply, inverse, transform, translation, turned
+from cellwright.engine.model.fits import PARAMETERS, Cloud, Fit, Shape, Unfitted
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.fitting.between import between
+from cellwright.engine.stages.fitting.distances import distances, normals, slopes
+from cellwright.engine.stages.fitting.surfaces import fitted
 
 SIGMA_M = 5e-5
 RADIUS_M, ANGLE = 0.01, 0.4

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from engine.kernels.rigid import transform, turned
-from engine.model.fits import Cloud, Shape
-from engine.model.geometry import Floats
-from engine.stages.fitting.beams import NODES, WEIGHTS, narrowed
-from engine.stages.fitting.rays import met
-from engine.stages.fitting.starts import Guess
+from cellwright.engine.kernels.rigid import transform, turned
+from cellwright.engine.model.fits import Cloud, Shape
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.fitting.beams import NODES, WEIGHTS, narrowed
+from cellwright.engine.stages.fitting.rays import met
+from cellwright.engine.stages.fitting.starts import Guess
 
 RADIUS, ANGLE = 0.01, 0.3
 BEAM_RAD = 0.0007  # standard deviation across

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from engine.kernels.geometry.mechanism import Mechanism, place_batch
-from engine.model.geometry import Floats
-from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
-from engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver, pose_error
-from engine.stages.geometry.kinematics.turning import turns
-from kb.model.cell import Arm, Joint, JointKind
-from kb.model.shapes import Pose
+from cellwright.engine.kernels.geometry.mechanism import Mechanism, place_batch
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver, pose_error
+from cellwright.engine.stages.geometry.kinematics.turning import turns
+from cellwright.kb.model.cell import Arm, Joint, JointKind
+from cellwright.kb.model.shapes import Pose
 from tests.engine.stages.geometry.rigid import is_rigid
 
 SOLVERS = {

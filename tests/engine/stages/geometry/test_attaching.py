@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.attaching import allowing, attached
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from kb.loader.arm import bundled_arms, load_arm
-from kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
-from kb.model.shapes import Box, PlacedShape, Pose, Sphere
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.attaching import allowing, attached
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose, Sphere
 
 SHAPES = (PlacedShape(Box((0.05, 0.1, 0.2))), PlacedShape(Sphere(0.06), Pose((0.1, 0, 0), (0, 0, 0))))
 Q = np.array([0.3, -1.0, 0.5, 0.2, 0.4, 0.1])

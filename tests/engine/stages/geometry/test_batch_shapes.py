@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from engine.model.geometry import Floats, Scene
-from engine.ports import CollisionChecker
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.region_checker import RegionChecker
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import free_scene_of, scene_of
-from kb.model.cell import Arm, Body, BodyKind, Cell, Joint, Link, MountedArm, Placement
-from kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.engine.model.geometry import Floats, Scene
+from cellwright.engine.ports import CollisionChecker
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import free_scene_of, scene_of
+from cellwright.kb.model.cell import Arm, Body, BodyKind, Cell, Joint, Link, MountedArm, Placement
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
 
 SIDE = PlacedShape(Box((0.2, 0.2, 0.2)))
 CHECKERS: list[Callable[[Scene], CollisionChecker]] = [BuiltinChecker, RegionChecker]

@@ -15,21 +15,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from engine.model.geometry import Floats, Joints, Piece
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinBackend
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.pictures import png, svg
-from engine.stages.geometry.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, looking_at
-from engine.stages.geometry.pictures.gltf import document, quaternion
-from engine.stages.geometry.pictures.labels import SIZE_PIXELS, WIDTH_PIXELS
-from engine.stages.geometry.pictures.painting import back_to_front, doubled_area
-from engine.stages.geometry.pictures.raster import fill
-from engine.stages.geometry.pictures.surfaces import KINDS, Surface, mesh_of, surfaces
-from engine.stages.geometry.pictures.view import View, _seen, as_gltf, as_png, as_svg, view_of
-from engine.stages.geometry.world.scenes import scene_of
-from kb.loader import bundled
-from kb.loader.cell import load_cell
+from cellwright.engine.model.geometry import Floats, Joints, Piece
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.geometry.pictures import png, svg
+from cellwright.engine.stages.geometry.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, looking_at
+from cellwright.engine.stages.geometry.pictures.gltf import document, quaternion
+from cellwright.engine.stages.geometry.pictures.labels import SIZE_PIXELS, WIDTH_PIXELS
+from cellwright.engine.stages.geometry.pictures.painting import back_to_front, doubled_area
+from cellwright.engine.stages.geometry.pictures.raster import fill
+from cellwright.engine.stages.geometry.pictures.surfaces import KINDS, Surface, mesh_of, surfaces
+from cellwright.engine.stages.geometry.pictures.view import View, _seen, as_gltf, as_png, as_svg, view_of
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.loader import bundled
+from cellwright.kb.loader.cell import load_cell
 
 AZIMUTHS = [-60.0, 110.0, *(pytest.param(each, marks=pytest.mark.slow) for each in (20.0, 200.0))]
 HITTING = "0, 45, -20, 0, 60, 0"

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.kernels.geometry.distance import Separations
-from engine.kernels.geometry.room import Room
-from engine.kernels.geometry.segments import segment_block_gap, segment_gap
-from engine.model.geometry import Floats, Piece
-from engine.stages.geometry.collision.reference import signed_distance
-from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
-from engine.stages.geometry.shapes.packing import pack
-from engine.stages.geometry.transforms import rotation
+from cellwright.engine.kernels.geometry.distance import Separations
+from cellwright.engine.kernels.geometry.room import Room
+from cellwright.engine.kernels.geometry.segments import segment_block_gap, segment_gap
+from cellwright.engine.model.geometry import Floats, Piece
+from cellwright.engine.stages.geometry.collision.reference import signed_distance
+from cellwright.engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
+from cellwright.engine.stages.geometry.shapes.packing import pack
+from cellwright.engine.stages.geometry.transforms import rotation
 
 kinds = st.sampled_from(["point", "segment", "block", "cloud", "plate"])
 seeds = st.integers(0, 2**32 - 1)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from engine.model.geometry import Floats
-from engine.stages.geometry.kinematics.arms import ArmModel, wrapped
-from engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, wrapped
+from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
 
 eaik = pytest.importorskip("eaik.IK_HP", reason="a tool for comparison")
 

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinBackend
-from engine.stages.geometry.reach.checking import check_cell
-from engine.stages.geometry.reach.reach import Reachability, Reached
-from engine.stages.geometry.world.following import following
-from engine.stages.geometry.world.model import World
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import InvalidInput
-from kb.loader import bundled, load_domain, load_problem
-from kb.loader.cell import load_cell
-from kb.targets import bundled_devices
-from kb.terms import Atom, Function, Number
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
+from cellwright.engine.stages.geometry.reach.checking import check_cell
+from cellwright.engine.stages.geometry.reach.reach import Reachability, Reached
+from cellwright.engine.stages.geometry.world.following import following
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import bundled, load_domain, load_problem
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.targets import bundled_devices
+from cellwright.kb.terms import Atom, Function, Number
 
 
 @pytest.fixture(scope="module")

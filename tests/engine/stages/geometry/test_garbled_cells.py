@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.stages.geometry.collision.builtin import BuiltinBackend
-from engine.stages.geometry.reach.checking import check_cell
-from kb.diagnostics import CODES
-from kb.loader import bundled, load_domain
-from kb.model.domain import Domain
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
+from cellwright.engine.stages.geometry.reach.checking import check_cell
+from cellwright.kb.diagnostics import CODES
+from cellwright.kb.loader import bundled, load_domain
+from cellwright.kb.model.domain import Domain
 
 TEXTS = {name: (bundled()[name] / "cell.yaml").read_text("utf-8") for name in ("themse", "bulkhead")}
 WORDS = re.compile(r"[A-Za-z_0-9.]+")

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.likelihood import SAMPLES, touchable
-from engine.stages.geometry.shapes.packing import bounded
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from kb.loader import bundled
-from kb.loader.arm import bundled_arms, load_arm
-from kb.loader.cell import load_cell
-from kb.model.cell import Arm, Body, BodyKind, Cell, Joint, JointKind, Link, MountedArm, Placement
-from kb.model.shapes import Box, PlacedShape, Pose, Sphere
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.likelihood import SAMPLES, touchable
+from cellwright.engine.stages.geometry.shapes.packing import bounded
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.loader import bundled
+from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.model.cell import Arm, Body, BodyKind, Cell, Joint, JointKind, Link, MountedArm, Placement
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose, Sphere
 
 
 def cell_of(*arms: MountedArm) -> Cell:

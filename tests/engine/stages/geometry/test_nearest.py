@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.collision.nearest import nearest
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.collision.nearest import nearest
 from tests.engine.kernels.geometry.test_lanes import any_ground
 
 

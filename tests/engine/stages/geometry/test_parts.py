@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.geometry import Floats, Longs
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.reference import signed_distance
-from engine.stages.geometry.shapes import meshes
-from engine.stages.geometry.shapes.hull import hull_triangles, planes
-from engine.stages.geometry.shapes.meshes import TriangleMesh, components, read_mesh
-from engine.stages.geometry.shapes.parts import Core, check_polyhedron, cores, features
-from kb.diagnostics import InvalidInput
-from kb.model.shapes import (
+from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.reference import signed_distance
+from cellwright.engine.stages.geometry.shapes import meshes
+from cellwright.engine.stages.geometry.shapes.hull import hull_triangles, planes
+from cellwright.engine.stages.geometry.shapes.meshes import TriangleMesh, components, read_mesh
+from cellwright.engine.stages.geometry.shapes.parts import Core, check_polyhedron, cores, features
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.shapes import (
     Box,
     Cylinder,
     Edge,

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from engine.model.geometry import Floats
-from engine.stages.geometry.pictures.raster import fill, nearest
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry.pictures.raster import fill, nearest
 
 
 def looked_up(triangles: Floats, x: float, y: float) -> int:

@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.pipelines import checking
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinBackend
-from engine.stages.geometry.reach.checking import check_cell
-from engine.stages.geometry.reach.reach import Reachability, Reached, Unreached
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from kb.loader import bundled, load_domain
-from kb.loader.arm import bundled_arms, load_arm
-from kb.loader.cell import load_cell
-from kb.model.cell import Arm, Body, BodyKind, Cell, MountedArm, Place, Placement
-from kb.model.shapes import Box, PlacedShape, Pose
-from kb.targets import bundled_devices
+from cellwright.engine.pipelines import checking
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
+from cellwright.engine.stages.geometry.reach.checking import check_cell
+from cellwright.engine.stages.geometry.reach.reach import Reachability, Reached, Unreached
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.loader import bundled, load_domain
+from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.model.cell import Arm, Body, BodyKind, Cell, MountedArm, Place, Placement
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.kb.targets import bundled_devices
 
 BACKEND = BuiltinBackend()
 TOOL = Pose((0.0, 0.02, 0.1), (0.1, 0.2, 0.3))

@@ -9,22 +9,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.geometry import Floats, Piece
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinBackend, BuiltinChecker
-from engine.stages.geometry.collision.likelihood import SAMPLES, settling
-from engine.stages.geometry.collision.reference import signed_distance
-from engine.stages.geometry.collision.region_checker import RegionChecker
-from engine.stages.geometry.regions.hierarchies import declared_tree, nested_boxes
-from engine.stages.geometry.regions.tree import OutsideError, RegionTree, TreeRegion
-from engine.stages.geometry.shapes.coverage import Covered, Hole, covering
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from kb.loader import bundled
-from kb.loader.arm import bundled_arms, load_arm
-from kb.loader.cell import load_cell
-from kb.model.cell import Body, BodyKind, Cell, MountedArm
-from kb.model.shapes import PlacedShape, PointSet
+from cellwright.engine.model.geometry import Floats, Piece
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend, BuiltinChecker
+from cellwright.engine.stages.geometry.collision.likelihood import SAMPLES, settling
+from cellwright.engine.stages.geometry.collision.reference import signed_distance
+from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
+from cellwright.engine.stages.geometry.regions.hierarchies import declared_tree, nested_boxes
+from cellwright.engine.stages.geometry.regions.tree import OutsideError, RegionTree, TreeRegion
+from cellwright.engine.stages.geometry.shapes.coverage import Covered, Hole, covering
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.loader import bundled
+from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.model.cell import Body, BodyKind, Cell, MountedArm
+from cellwright.kb.model.shapes import PlacedShape, PointSet
 
 seeds = st.integers(0, 2**32 - 1)
 CUBE = np.array(list(product((-0.5, 0.5), repeat=3)))

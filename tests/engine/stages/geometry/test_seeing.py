@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from engine.stages.geometry.reach.seeing import Seeing
-from engine.stages.geometry.world.model import World
-from kb.loader.cell import cell_of
-from kb.model.cell import Body, BodyKind, Cell, Place, Placement, Sight
-from kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.reach.seeing import Seeing
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.kb.loader.cell import cell_of
+from cellwright.kb.model.cell import Body, BodyKind, Cell, Place, Placement, Sight
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose
 
 RAYS = 21  # on each side of the patch
 EYE = np.array([0.03, -0.02, 0.39])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from engine.model.geometry import Floats
-from engine.stages.geometry.shapes.hull import hull_triangles
-from engine.stages.geometry.shapes.parts import cores
-from engine.stages.geometry.shapes.snapping import SnapTo, snapped
-from kb.model.shapes import Box, Hole, PlacedShape, Plate, Pose
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry.shapes.hull import hull_triangles
+from cellwright.engine.stages.geometry.shapes.parts import cores
+from cellwright.engine.stages.geometry.shapes.snapping import SnapTo, snapped
+from cellwright.kb.model.shapes import Box, Hole, PlacedShape, Plate, Pose
 
 SIZE = (0.4, 0.3, 0.02)
 PLATE = (PlacedShape(Plate(SIZE, (Hole((0.1, 0.05), 0.04),)), Pose()),)

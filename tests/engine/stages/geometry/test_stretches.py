@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from engine.stages.geometry.collision.builtin import BuiltinBackend
-from engine.stages.geometry.kinematics.arms import ArmModel
-from engine.stages.geometry.stretches import STRETCH, in_stretches
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from kb.loader import bundled
-from kb.loader.cell import load_cell
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
+from cellwright.engine.stages.geometry.stretches import STRETCH, in_stretches
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.kb.loader import bundled
+from cellwright.kb.loader.cell import load_cell
 
 
 @pytest.mark.parametrize("threads", ["1", "3"])

@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.model.geometry import Floats
-from engine.stages.geometry import transforms
-from kb.model.shapes import Pose
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry import transforms
+from cellwright.kb.model.shapes import Pose
 from tests.engine.stages.geometry.rigid import is_rigid
 
 lengths = st.floats(-10, 10)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from engine.stages.geometry.kinematics.arms import ArmModel
-from engine.stages.geometry.kinematics.turning import nearest_turns, turns
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
+from cellwright.engine.stages.geometry.kinematics.turning import nearest_turns, turns
 
 
 def test_no_turn_within_the_limits_is_nearer_in_any_joint(model: ArmModel, rng: np.random.Generator) -> None:

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.stages.geometry import transforms
-from engine.stages.geometry.kinematics.arms import ArmModel
-from kb.diagnostics import Diagnostic, InvalidInput, errors
-from kb.loader.cell import load_cell
-from kb.loader.reader import Findings
-from kb.loader.urdf import arm_of
-from kb.model.cell import Arm, Inertia, JointKind, Mimic
-from kb.model.shapes import Box, Cylinder, Mesh, Pose, Sphere
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, errors
+from cellwright.kb.loader.cell import load_cell
+from cellwright.kb.loader.reader import Findings
+from cellwright.kb.loader.urdf import arm_of
+from cellwright.kb.model.cell import Arm, Inertia, JointKind, Mimic
+from cellwright.kb.model.shapes import Box, Cylinder, Mesh, Pose, Sphere
 
 ROBOT = """<?xml version="1.0"?>
 <robot name="crane">

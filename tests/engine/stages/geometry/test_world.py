@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.geometry import Floats
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import free_scene_of, scene_of
-from kb.loader.arm import bundled_arms, load_arm
-from kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
-from kb.model.shapes import Box, PlacedShape, Pose, Sphere
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import free_scene_of, scene_of
+from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
+from cellwright.kb.model.shapes import Box, PlacedShape, Pose, Sphere
 from tests.engine.stages.geometry.rigid import is_rigid
 
 UR5 = load_arm(bundled_arms()["ur5"])

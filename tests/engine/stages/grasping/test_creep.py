@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.stages.grasping.insertion import Insertion, Phase, Search, advance, begun
+from cellwright.engine.stages.grasping.insertion import Insertion, Phase, Search, advance, begun
 
 PLAN = Insertion(0.03, 0.0001, 0.0015, Search.SPIRAL)
 DT_S = 0.01

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.kernels.arrays import Floats, Truths
-from engine.kernels.rigid import apply, transform, turned
-from engine.model.grasping import Approach, NoApproach, ParallelJaws, Regrasps, Unplaceable
-from engine.stages.grasping.approach import GraspPlane, by_potential, complete
-from engine.stages.grasping.blocks import meet
-from engine.stages.grasping.grasps import grasps
-from engine.stages.grasping.placements import placements, volume_and_centre
-from engine.stages.grasping.regrasps import regrasps
+from cellwright.engine.kernels.arrays import Floats, Truths
+from cellwright.engine.kernels.rigid import apply, transform, turned
+from cellwright.engine.model.grasping import Approach, NoApproach, ParallelJaws, Regrasps, Unplaceable
+from cellwright.engine.stages.grasping.approach import GraspPlane, by_potential, complete
+from cellwright.engine.stages.grasping.blocks import meet
+from cellwright.engine.stages.grasping.grasps import grasps
+from cellwright.engine.stages.grasping.placements import placements, volume_and_centre
+from cellwright.engine.stages.grasping.regrasps import regrasps
 from tests.engine.stages.solids import block, ell, prism
 
 JAWS = ParallelJaws(0.08, 0.016, 0.06, 0.012, (0.14, 0.04, 0.03), (0.06, 0.06, 0.03))

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.kernels.arrays import Floats
-from engine.stages.grasping.insertion import Insertion, Phase, Search, advance, begun, planned
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.stages.grasping.insertion import Insertion, Phase, Search, advance, begun, planned
 
 ROOM_M, DT_S = 0.0002, 0.004
 

@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from engine.kernels.arrays import Floats
-from engine.model.grasping import Grasp, ThreeFingers
-from engine.model.solid import Solid
-from engine.stages.geometry.shapes.solids import solid, triangulated
-from engine.stages.grasping.blocks import meet
-from engine.stages.grasping.grasps import GRAVITY
-from engine.stages.grasping.placements import volume_and_centre
-from engine.stages.grasping.three_fingers import closes, three_finger_grasps, wrenches
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.grasping import Grasp, ThreeFingers
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.stages.geometry.shapes.solids import solid, triangulated
+from cellwright.engine.stages.grasping.blocks import meet
+from cellwright.engine.stages.grasping.grasps import GRAVITY
+from cellwright.engine.stages.grasping.placements import volume_and_centre
+from cellwright.engine.stages.grasping.three_fingers import closes, three_finger_grasps, wrenches
 
 HAND = ThreeFingers(0.1, 0.016, 0.06, 0.012, (0.08, 0.08, 0.03), (0.06, 0.06, 0.03))
 INSET_M, MASS_KG = 0.012, 0.3

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.model.task import Bits, bitset, indices
-from engine.stages.grounding import conserving
+from cellwright.engine.model.task import Bits, bitset, indices
+from cellwright.engine.stages.grounding import conserving
 from tests.engine.interpreted import interpreted
 
 SIZE = 6

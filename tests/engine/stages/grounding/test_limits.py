@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.stages.grounding import ground, limits
-from kb.asp import trial
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
-from kb.terms import Variable
+from cellwright.engine.stages.grounding import ground, limits
+from cellwright.kb.asp import trial
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem
+from cellwright.kb.terms import Variable
 
 DOMAIN = """\
 domain: runaway

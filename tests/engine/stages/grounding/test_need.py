@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from engine.stages.grounding import ground
-from engine.stages.grounding.need import faithful, thinned, without_irrelevant
-from engine.stages.grounding.need.relevance import relevance
-from kb.loader import find, load, with_goals
-from kb.model.problem import Problem
-from kb.terms import ANYTHING, Function
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.grounding.need import faithful, thinned, without_irrelevant
+from cellwright.engine.stages.grounding.need.relevance import relevance
+from cellwright.kb.loader import find, load, with_goals
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ANYTHING, Function
 
 
 def many(folder: Path, count: int, goals: str, more: str = "") -> Problem:

@@ -5,17 +5,17 @@ import functools
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.stages.macros.learning.generalise import Generalised, generalise
-from engine.stages.macros.lifted.bodies import satisfiable
-from engine.stages.macros.lifted.world import CellDomain, State
-from engine.stages.validation.semantics import Semantics
-from kb.loader import load
-from kb.loader.plan import load_plan
-from kb.model.conditions import And, Literal, part_variables
-from kb.model.macro import Macrop
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Chain, Problem
-from kb.terms import Function, Term, Variable, substitute, substitute_atom, variables
+from cellwright.engine.stages.macros.learning.generalise import Generalised, generalise
+from cellwright.engine.stages.macros.lifted.bodies import satisfiable
+from cellwright.engine.stages.macros.lifted.world import CellDomain, State
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.loader import load
+from cellwright.kb.loader.plan import load_plan
+from cellwright.kb.model.conditions import And, Literal, part_variables
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import Function, Term, Variable, substitute, substitute_atom, variables
 from tests.places import BUNDLED as DOMAINS
 
 HERE = Path(__file__).parent
@@ -56,7 +56,7 @@ def bundled(name: str) -> Example:
 
 
 def atom(text: str) -> Function:
-    from kb.asp import ground_term
+    from cellwright.kb.asp import ground_term
 
     found = ground_term(text)
     assert isinstance(found, Function)

@@ -9,17 +9,17 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, atom, bundled, constraints_hold, golden, posed
 
-from engine.stages.macros.learning.generalise import NotGeneral, generalise
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup.instantiate import instantiate
-from engine.stages.macros.lookup.matching import MatchingBudget, matches
-from engine.stages.macros.lookup.program import Program
-from engine.stages.macros.lookup.query import Query
-from engine.stages.validation import validate
-from kb.loader.amounts import amounts_of
-from kb.model.conditions import And, Literal
-from kb.model.plan import Plan
-from kb.terms import Function, Term, Variable, substitute_atom
+from cellwright.engine.stages.macros.learning.generalise import NotGeneral, generalise
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lookup.instantiate import instantiate
+from cellwright.engine.stages.macros.lookup.matching import MatchingBudget, matches
+from cellwright.engine.stages.macros.lookup.program import Program
+from cellwright.engine.stages.macros.lookup.query import Query
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.terms import Function, Term, Variable, substitute_atom
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: f"{path.parts[-3]}-{path.stem}")

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from macro_cells import GOLDEN, Example, golden
 
-from engine.stages.macros.lifted.execution import Execution
-from engine.stages.macros.lifted.situation import Situation
-from kb.model.plan import Step, StepId
-from kb.terms import Function, Term
+from cellwright.engine.stages.macros.lifted.execution import Execution
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.terms import Function, Term
 
 
 def _steps(found: Example, draw: random.Random) -> list[Function]:

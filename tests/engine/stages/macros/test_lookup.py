@@ -11,18 +11,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, atom, bundled, golden
 
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup.checking import Refusal, check
-from engine.stages.macros.lookup.index import Index
-from engine.stages.macros.lookup.lookup import look_up
-from engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, joined, matches
-from engine.stages.macros.lookup.program import Program
-from engine.stages.macros.lookup.query import Query, query, readings
-from engine.stages.validation import validate
-from kb.model.conditions import And, Literal
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
-from kb.terms import ordered
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lookup.checking import Refusal, check
+from cellwright.engine.stages.macros.lookup.index import Index
+from cellwright.engine.stages.macros.lookup.lookup import look_up
+from cellwright.engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, joined, matches
+from cellwright.engine.stages.macros.lookup.program import Program
+from cellwright.engine.stages.macros.lookup.query import Query, query, readings
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ordered
 
 each_golden = pytest.mark.parametrize("path", GOLDEN, ids=[path.stem for path in GOLDEN])
 
@@ -143,7 +143,7 @@ def _parts(found: Example) -> list[object]:
 
 
 def _taught(found: Example) -> Iterator[object]:
-    from engine.stages.macros.learning.generalise import NotGeneral, generalise
+    from cellwright.engine.stages.macros.learning.generalise import NotGeneral, generalise
 
     reached = states(found)
     for first in range(0, len(found.plan.steps), 3):

@@ -9,19 +9,19 @@ from hypothesis import strategies as st
 from macro_cells import Example, constraints_hold, example
 from macro_cells import posed as instance_of
 
-from engine.model.task import bitset, progress
-from engine.stages.grounding import ground
-from engine.stages.macros.learning.generalise import NotGeneral
-from engine.stages.macros.lookup.instantiate import instantiate
-from engine.stages.planning.improvement.deorder import deorder, is_internal
-from engine.stages.validation import validate
-from kb.diagnostics import InvalidInput
-from kb.loader.amounts import amounts_of
-from kb.model.conditions import And, Literal
-from kb.model.macro import Macrop
-from kb.model.plan import CausalLink, Plan, Step
-from kb.model.problem import Problem
-from kb.terms import Function, Term, Variable, substitute_atom
+from cellwright.engine.model.task import bitset, progress
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.macros.learning.generalise import NotGeneral
+from cellwright.engine.stages.macros.lookup.instantiate import instantiate
+from cellwright.engine.stages.planning.improvement.deorder import deorder, is_internal
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.model.conditions import And, Literal
+from cellwright.kb.model.macro import Macrop
+from cellwright.kb.model.plan import CausalLink, Plan, Step
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term, Variable, substitute_atom
 from tests.engine.stages.validation.plans import link, step
 from tests.engine.stages.validation.plans import problem as posed
 from tests.properties.plans import ATOMS

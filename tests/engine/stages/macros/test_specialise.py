@@ -2,13 +2,13 @@
 
 import pytest
 
-from engine.pipelines.reuse.subsequences import lifted, pattern_of
-from engine.stages.macros.learning.subsequences import recurring
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.validation.semantics import Semantics
-from kb.loader import load_plan
-from kb.terms import Term, Variable, match, variables
+from cellwright.engine.pipelines.reuse.subsequences import lifted, pattern_of
+from cellwright.engine.stages.macros.learning.subsequences import recurring
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.loader import load_plan
+from cellwright.kb.terms import Term, Variable, match, variables
 from tests.places import BUNDLED as DOMAINS
 
 

@@ -9,17 +9,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, bundled, golden
 
-from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.macros.lookup.query import query, signature_of
-from engine.stages.macros.lookup.repertoire import Repertoire
-from engine.stages.validation import validate
-from engine.stages.validation.semantics import Semantics
-from kb.model.domain import DeductiveOperator, Domain, Operator
-from kb.model.problem import Problem
-from kb.store import Library, Record
-from kb.terms import Number
+from cellwright.engine.stages.macros.lifted.digests import Digests
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.macros.lookup.query import query, signature_of
+from cellwright.engine.stages.macros.lookup.repertoire import Repertoire
+from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.model.domain import DeductiveOperator, Domain, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.store import Library, Record
+from cellwright.kb.terms import Number
 
 
 @functools.cache

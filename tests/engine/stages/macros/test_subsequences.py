@@ -4,15 +4,22 @@ import itertools
 
 import pytest
 
-from engine.stages.macros.learning.subsequences import LONGEST, Order, fits, occurring, recurring, shape
-from engine.stages.macros.lifted.execution import executed
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
-from engine.stages.validation.semantics import Semantics
-from kb.loader import load_plan
-from kb.model.plan import Plan, Step
-from kb.model.problem import Problem
-from kb.terms import Function, Variable
+from cellwright.engine.stages.macros.learning.subsequences import (
+    LONGEST,
+    Order,
+    fits,
+    occurring,
+    recurring,
+    shape,
+)
+from cellwright.engine.stages.macros.lifted.execution import executed
+from cellwright.engine.stages.macros.lifted.situation import Situation
+from cellwright.engine.stages.macros.lifted.world import CellDomain
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.loader import load_plan
+from cellwright.kb.model.plan import Plan, Step
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Variable
 from tests.places import BUNDLED as GOLDEN
 
 PLANS = [GOLDEN / "themse/golden/one.json", GOLDEN / "bulkhead/golden/one_point.json"]

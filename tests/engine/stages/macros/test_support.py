@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.support import support
-from engine.stages.macros.lifted.world import CellDomain, holds, with_derived
-from kb.asp import ground_term
-from kb.loader import load_problem
-from kb.terms import Atom, Function
+from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.stages.macros.lifted.support import support
+from cellwright.engine.stages.macros.lifted.world import CellDomain, holds, with_derived
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load_problem
+from cellwright.kb.terms import Atom, Function
 
 DOMAIN = """
 domain: resting

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.model.geometry import Floats
-from engine.model.motion import Blocked, Moved, Query
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.world.model import World
-from engine.stages.geometry.world.scenes import scene_of
-from engine.stages.motion.planner import EARLY, plan
-from kb.loader.cell import load_cell
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.model.motion import Blocked, Moved, Query
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.motion.planner import EARLY, plan
+from cellwright.kb.loader.cell import load_cell
 from tests.engine.stages.motion.conftest import finely
 
 

@@ -5,13 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.model.geometry import Piece
-from engine.model.motion import Moved, Query
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.motion.kept import MOST, KeptRoadmaps
-from engine.stages.motion.planner import plan
-from engine.stages.motion.roadmap import mapped
+from cellwright.engine.model.geometry import Piece
+from cellwright.engine.model.motion import Moved, Query
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.motion.kept import MOST, KeptRoadmaps
+from cellwright.engine.stages.motion.planner import plan
+from cellwright.engine.stages.motion.roadmap import mapped
 from tests.engine.stages.motion.conftest import arm_among, block, finely, random_ground, touching
 
 ENDS = np.array([[0.0, 0.0], [2.0, 0.5], [-2.0, -0.5], [2.4, -1.0]])

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from engine.model.geometry import Floats, Joints, Piece, Scene
-from engine.model.motion import Blocked, Moved, Query, Strategy
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.covering import COVER, covered
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.motion.lattice import Lattice, way
-from engine.stages.motion.planner import plan
+from cellwright.engine.model.geometry import Floats, Joints, Piece, Scene
+from cellwright.engine.model.motion import Blocked, Moved, Query, Strategy
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.covering import COVER, covered
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
+from cellwright.engine.stages.motion.lattice import Lattice, way
+from cellwright.engine.stages.motion.planner import plan
 from tests.engine.stages.motion.conftest import block, finely
 
 AXES = np.array([[0, 0, 1], [0, 1, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0]], dtype=float)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from engine.model.geometry import Floats, Piece
-from engine.model.motion import Blocked, InCollision, Moved, OutsideLimits, Query, Refused
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.motion.planner import plan
-from engine.stages.motion.severing import severed
+from cellwright.engine.model.geometry import Floats, Piece
+from cellwright.engine.model.motion import Blocked, InCollision, Moved, OutsideLimits, Query, Refused
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.motion.planner import plan
+from cellwright.engine.stages.motion.severing import severed
 from tests.engine.stages.motion.conftest import arm_among, block, finely, random_ground, touching
 
 STEP = 1 / 32  # what a query asks for if it says nothing else

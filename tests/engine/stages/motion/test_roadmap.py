@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.model.geometry import Longs, Piece
-from engine.model.motion import Moved, Query
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.motion.planner import plan
-from engine.stages.motion.refining import proved_and_refined, refined, time_of
-from engine.stages.motion.roadmap import mapped, neighbours, repaired, travels
-from engine.stages.motion.trajectory import Limits
+from cellwright.engine.model.geometry import Longs, Piece
+from cellwright.engine.model.motion import Moved, Query
+from cellwright.engine.stages.geometry import transforms
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.motion.planner import plan
+from cellwright.engine.stages.motion.refining import proved_and_refined, refined, time_of
+from cellwright.engine.stages.motion.roadmap import mapped, neighbours, repaired, travels
+from cellwright.engine.stages.motion.trajectory import Limits
 from tests.engine.stages.motion.conftest import arm_among, block, finely, random_ground
 
 LIMITS = Limits(np.array([1.0, 2.0]), np.array([3.0, 5.0]), np.array([40.0, 60.0]))

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.model.geometry import Floats, Truths
-from engine.stages.motion.sight import Sights, lines_of_sight
+from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.stages.motion.sight import Sights, lines_of_sight
 
 
 def anywhere(points: Floats) -> Truths:

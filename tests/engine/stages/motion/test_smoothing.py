@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from engine.stages.geometry.collision.builtin import BuiltinChecker
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.motion.smoothing import Smoothed, Tube, certified, smoothed
-from engine.stages.motion.touching import touches
-from engine.stages.motion.trajectory import Limits, fastest, least_times
+from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
+from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.motion.smoothing import Smoothed, Tube, certified, smoothed
+from cellwright.engine.stages.motion.touching import touches
+from cellwright.engine.stages.motion.trajectory import Limits, fastest, least_times
 from tests.engine.stages.motion.conftest import arm_among, block
 
 LIMITS = Limits(np.array([1.0, 2.0]), np.array([3.0, 5.0]), np.array([40.0, 60.0]))

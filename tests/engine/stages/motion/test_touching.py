@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.stages.motion.touching import touches
+from cellwright.engine.stages.motion.touching import touches
 from tests.engine.stages.motion.conftest import finely, random_ground
 
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.geometry import Floats
-from engine.stages.motion.trajectory import Limits, fastest
+from cellwright.engine.model.geometry import Floats
+from cellwright.engine.stages.motion.trajectory import Limits, fastest
 
 UR5 = Limits(np.full(3, 3.0), np.array([10.0, 8.0, 12.0]), np.full(3, 80.0))
 values = st.floats(-3, 3).map(lambda x: round(x, 3))

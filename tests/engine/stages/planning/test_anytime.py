@@ -4,17 +4,17 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, GaveUp, Infeasible
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from engine.stages.planning import RACE, Limits, plan
-from engine.stages.planning.effort import OutOfRange
-from engine.stages.planning.portfolio import STRATEGIES
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
-from kb.model.plan import Plan
-from kb.model.problem import Problem
-from kb.stopping import Stopped
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import RACE, Limits, plan
+from cellwright.engine.stages.planning.effort import OutOfRange
+from cellwright.engine.stages.planning.portfolio import STRATEGIES
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.stopping import Stopped
 from tests.properties.problems import problems, shortest
 
 
@@ -74,7 +74,7 @@ def test_the_best_plan_survives_want_of_memory(monkeypatch: pytest.MonkeyPatch) 
     def greedy(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("engine.stages.planning.improvement.rounds.straighten", greedy)
+    monkeypatch.setattr("cellwright.engine.stages.planning.improvement.rounds.straighten", greedy)
     assert isinstance(planning.plan(load_problem("bulkhead/both_tools")), Found)
 
 
@@ -85,7 +85,7 @@ def test_the_best_plan_survives_a_grounding_that_is_stopped(monkeypatch: pytest.
     def late(*_: object) -> None:
         raise Stopped
 
-    monkeypatch.setattr("engine.stages.planning.improvement.rounds.straighten", late)
+    monkeypatch.setattr("cellwright.engine.stages.planning.improvement.rounds.straighten", late)
     limits = Limits(interrupted=lambda: bool(asked.append(True)))
     outcome = planning.plan(load_problem("bulkhead/both_tools"), limits)
     assert isinstance(outcome, Found)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.task import Bits, GroundOperator, Task, bitset, indices, progress
-from engine.stages.planning.improvement.deorder import deorder, is_internal
-from kb.model.plan import GOAL, START, Plan, Step, StepId
-from kb.terms import Function
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, indices, progress
+from cellwright.engine.stages.planning.improvement.deorder import deorder, is_internal
+from cellwright.kb.model.plan import GOAL, START, Plan, Step, StepId
+from cellwright.kb.terms import Function
 
 SIZE = 5
 ATOMS = tuple(Function(f"p{n}") for n in range(SIZE))

@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found
-from engine.model.replay import early
-from engine.model.stages import REACHES
-from engine.model.task import Bits, GroundOperator, Task, bitset, progress
-from engine.pipelines import planning
-from engine.pipelines.optimum import proved
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
-from engine.stages.planning.improvement.exact import Optimum, optimum
-from engine.stages.planning.limits import Room
-from kb.terms import Function
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.replay import early
+from cellwright.engine.model.stages import REACHES
+from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, progress
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.optimum import proved
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import plan as plan_task
+from cellwright.engine.stages.planning.improvement.exact import Optimum, optimum
+from cellwright.engine.stages.planning.limits import Room
+from cellwright.kb.terms import Function
 
 SIZE = 40  # more atoms than a word has bits
 USED = (0, 1, 2, 31, 32, 33)

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.model.task import Bits, GroundOperator, bitset, indices
-from engine.stages.planning.regression import expansion
-from engine.stages.planning.relaxed import FAR, Relaxation
-from kb.terms import Function
+from cellwright.engine.model.task import Bits, GroundOperator, bitset, indices
+from cellwright.engine.stages.planning.regression import expansion
+from cellwright.engine.stages.planning.relaxed import FAR, Relaxation
+from cellwright.kb.terms import Function
 from tests.engine.interpreted import interpreted
 
 SIZE = 9

@@ -5,16 +5,16 @@ from itertools import pairwise
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.task import Bits, GroundOperator, Task
-from engine.stages.grounding import ground
-from engine.stages.planning.effort import Effort, SearchResult
-from engine.stages.planning.forward.search import forward
-from engine.stages.planning.improvement.batches import fewer
-from engine.stages.planning.improvement.late import late
-from engine.stages.planning.improvement.rounds import cost
-from engine.stages.planning.improvement.stretches import stretches
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
+from cellwright.engine.model.task import Bits, GroundOperator, Task
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning.effort import Effort, SearchResult
+from cellwright.engine.stages.planning.forward.search import forward
+from cellwright.engine.stages.planning.improvement.batches import fewer
+from cellwright.engine.stages.planning.improvement.late import late
+from cellwright.engine.stages.planning.improvement.rounds import cost
+from cellwright.engine.stages.planning.improvement.stretches import stretches
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
 from tests.properties.problems import problems
 
 SOME = settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))

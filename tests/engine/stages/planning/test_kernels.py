@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.stages.planning.forward import kernels
+from cellwright.engine.stages.planning.forward import kernels
 from tests.engine.interpreted import interpreted
 
 SIZE = 19  # atoms, more than two bytes of them

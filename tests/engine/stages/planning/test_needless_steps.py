@@ -9,21 +9,21 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.replay import instances, reached_goals, replayed
-from engine.model.task import GroundOperator, Task, bitset
-from engine.pipelines.planning import check_plan
-from engine.pipelines.timetable.blocked import operators_of
-from engine.stages.grounding import ground
-from engine.stages.planning.effort import Effort
-from engine.stages.planning.elimination import reached
-from engine.stages.planning.improvement.batches import fewer, needed
-from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.planning.improvement.needless import without_needless
-from engine.stages.planning.variants import plainly
-from kb.asp import ground_term
-from kb.loader import load_problem
-from kb.model.problem import Problem
-from kb.terms import Function
+from cellwright.engine.model.replay import instances, reached_goals, replayed
+from cellwright.engine.model.task import GroundOperator, Task, bitset
+from cellwright.engine.pipelines.planning import check_plan
+from cellwright.engine.pipelines.timetable.blocked import operators_of
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning.effort import Effort
+from cellwright.engine.stages.planning.elimination import reached
+from cellwright.engine.stages.planning.improvement.batches import fewer, needed
+from cellwright.engine.stages.planning.improvement.deorder import deorder
+from cellwright.engine.stages.planning.improvement.needless import without_needless
+from cellwright.engine.stages.planning.variants import plainly
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function
 
 DOMAIN = """
 domain: sealing

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.formats.interop.pddl import read_pddl
-from engine.model.outcome import Found
-from engine.model.task import Task
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from engine.stages.planning.forward import transitions
-from engine.stages.planning.forward.dominance import Fronts, resources
-from engine.stages.planning.forward.space import Space
+from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning.forward import transitions
+from cellwright.engine.stages.planning.forward.dominance import Fronts, resources
+from cellwright.engine.stages.planning.forward.space import Space
 from tests.engine.interpreted import interpreted
 from tests.properties.test_quantities import cases, loaded
 

@@ -9,18 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.explanation import Amendment, Edit
-from engine.model.outcome import Found, Infeasible
-from engine.model.task import GroundOperator
-from engine.pipelines import planning
-from engine.pipelines.explanation.amendments import changed
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from engine.stages.planning.consistency import Proof
-from engine.stages.planning.effort import NO_PLAN, Effort
-from kb.loader import load_problem
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number
+from cellwright.engine.model.explanation import Amendment, Edit
+from cellwright.engine.model.outcome import Found, Infeasible
+from cellwright.engine.model.task import GroundOperator
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.explanation.amendments import changed
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning.consistency import Proof
+from cellwright.engine.stages.planning.effort import NO_PLAN, Effort
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number
 
 HOARD = """
 domain: hoard

@@ -3,14 +3,14 @@
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.task import Task
-from engine.pipelines.planning import problem_of
-from engine.stages.grounding import ground
-from engine.stages.planning.effort import Effort
-from engine.stages.planning.forward.restarts import SHORTEST, Restarts, luby
-from engine.stages.planning.forward.search import Forward, forward
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
+from cellwright.engine.model.task import Task
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning.effort import Effort
+from cellwright.engine.stages.planning.forward.restarts import SHORTEST, Restarts, luby
+from cellwright.engine.stages.planning.forward.search import Forward, forward
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
 from tests.engine.stages.planning.test_strategies import hanoi
 from tests.properties.problems import problems, shortest
 

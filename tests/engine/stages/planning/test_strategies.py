@@ -4,18 +4,18 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found, GaveUp, Infeasible
-from engine.model.task import GroundOperator, Task, bitset, indices
-from engine.pipelines import planning
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits, plan
-from engine.stages.planning.forward.search import Forward
-from engine.stages.planning.portfolio import STRATEGIES
-from engine.stages.planning.variants import unconditional
-from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
-from kb.model.problem import Problem
-from kb.terms import Function, Number
+from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
+from cellwright.engine.model.task import GroundOperator, Task, bitset, indices
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits, plan
+from cellwright.engine.stages.planning.forward.search import Forward
+from cellwright.engine.stages.planning.portfolio import STRATEGIES
+from cellwright.engine.stages.planning.variants import unconditional
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import load_problem
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Number
 from tests.properties.problems import problems, shortest
 
 

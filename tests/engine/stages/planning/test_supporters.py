@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.model.task import Bits, GroundOperator, bitset, indices
-from engine.stages.planning import supporters
-from engine.stages.planning.relaxed import FAR, Relaxation
-from kb.terms import Function
+from cellwright.engine.model.task import Bits, GroundOperator, bitset, indices
+from cellwright.engine.stages.planning import supporters
+from cellwright.engine.stages.planning.relaxed import FAR, Relaxation
+from cellwright.kb.terms import Function
 from tests.engine.interpreted import interpreted
 
 SIZE = 11

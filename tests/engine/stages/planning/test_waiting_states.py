@@ -4,14 +4,14 @@ from unittest.mock import patch
 
 from hypothesis import HealthCheck, assume, given, settings
 
-from engine.stages.grounding import ground
-from engine.stages.planning.effort import Effort
-from engine.stages.planning.forward.search import LARGEST, _numbers
-from engine.stages.planning.regression.mutexes import mutexes
-from engine.stages.planning.regression.searches import BestFirst, _short
-from engine.stages.planning.regression.space import Backward, Regression
-from kb.diagnostics import InvalidInput
-from kb.model.problem import Problem
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning.effort import Effort
+from cellwright.engine.stages.planning.forward.search import LARGEST, _numbers
+from cellwright.engine.stages.planning.regression.mutexes import mutexes
+from cellwright.engine.stages.planning.regression.searches import BestFirst, _short
+from cellwright.engine.stages.planning.regression.space import Backward, Regression
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.problem import Problem
 from tests.properties.problems import problems
 
 SOME = settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
@@ -29,7 +29,7 @@ def test_backward_search_with_digests_takes_the_same_steps_as_with_the_condition
     roots = [root for goal in task.goals if (root := space.root(goal)) is not None]
     efforts = [Effort(1000), Effort(1000)]
     plain = BestFirst(space, roots, 5).run(efforts[0])
-    with patch("engine.stages.planning.regression.searches.SHORT", -1):
+    with patch("cellwright.engine.stages.planning.regression.searches.SHORT", -1):
         assert BestFirst(space, roots, 5).run(efforts[1]) == plain
     assert efforts[0].generated == efforts[1].generated
 

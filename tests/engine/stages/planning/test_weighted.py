@@ -6,17 +6,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found
-from engine.model.task import Bits, GroundOperator, Task, progress
-from engine.pipelines.planning import problem_of
-from engine.stages.grounding import ground
-from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
-from engine.stages.planning.effort import Effort, SearchResult
-from engine.stages.planning.forward.weighted import weighted, within
-from engine.stages.planning.improvement.bounded import Pool, Searches
-from engine.stages.planning.improvement.late import grouped
-from engine.stages.planning.setting import Setting
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.model.task import Bits, GroundOperator, Task, progress
+from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import plan as plan_task
+from cellwright.engine.stages.planning.effort import Effort, SearchResult
+from cellwright.engine.stages.planning.forward.weighted import weighted, within
+from cellwright.engine.stages.planning.improvement.bounded import Pool, Searches
+from cellwright.engine.stages.planning.improvement.late import grouped
+from cellwright.engine.stages.planning.setting import Setting
 from tests.engine.stages.planning.test_exact import SIZE, least, sets, tasks
 
 PLENTY = 100_000

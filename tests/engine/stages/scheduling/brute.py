@@ -3,9 +3,9 @@
 import itertools
 from collections.abc import Iterator
 
-from engine.model.schedule import Adjustment, Schedule
-from engine.model.shop import Changeover, Device, Shop
-from engine.stages.scheduling.checker import check_schedule
+from cellwright.engine.model.schedule import Adjustment, Schedule
+from cellwright.engine.model.shop import Changeover, Device, Shop
+from cellwright.engine.stages.scheduling.checker import check_schedule
 
 
 def best(shop: Shop, until: int) -> tuple[int, int] | None:

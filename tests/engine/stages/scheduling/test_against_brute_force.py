@@ -3,13 +3,13 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Infeasible
-from engine.model.schedule import Scheduled
-from engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, Window
-from engine.stages.scheduling import check_schedule, schedule
-from engine.stages.scheduling.construct import Builder
-from engine.stages.scheduling.estimates import Estimates
-from engine.stages.scheduling.lags import CircularLags, Lags
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.schedule import Scheduled
+from cellwright.engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, Window
+from cellwright.engine.stages.scheduling import check_schedule, schedule
+from cellwright.engine.stages.scheduling.construct import Builder
+from cellwright.engine.stages.scheduling.estimates import Estimates
+from cellwright.engine.stages.scheduling.lags import CircularLags, Lags
 from tests.engine.stages.scheduling.brute import best, both_ways
 
 PLACES = ("", "here", "there")

@@ -4,12 +4,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.schedule import Schedule, Scheduled
-from engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, in_order
-from engine.stages.scheduling import ScheduleLimits, devices, horizon, schedule, solver
-from engine.stages.scheduling.batches import batch_bound, batches
-from engine.stages.scheduling.bounds import lower_bound
-from engine.stages.scheduling.lags import Lags
+from cellwright.engine.model.schedule import Schedule, Scheduled
+from cellwright.engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, in_order
+from cellwright.engine.stages.scheduling import ScheduleLimits, devices, horizon, schedule, solver
+from cellwright.engine.stages.scheduling.batches import batch_bound, batches
+from cellwright.engine.stages.scheduling.bounds import lower_bound
+from cellwright.engine.stages.scheduling.lags import Lags
 from tests.engine.stages.scheduling.brute import both_ways
 
 

@@ -4,9 +4,20 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.schedule import Adjustment, Schedule
-from engine.model.shop import Changeover, Device, Hold, Job, Moment, Need, Resource, Shop, Stage, Window
-from engine.stages.scheduling import check_schedule
+from cellwright.engine.model.schedule import Adjustment, Schedule
+from cellwright.engine.model.shop import (
+    Changeover,
+    Device,
+    Hold,
+    Job,
+    Moment,
+    Need,
+    Resource,
+    Shop,
+    Stage,
+    Window,
+)
+from cellwright.engine.stages.scheduling import check_schedule
 
 OPEN, SHUT = Changeover("shut", "open", 2), Changeover("open", "shut", 2)
 SHOP = Shop(

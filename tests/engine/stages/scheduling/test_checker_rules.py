@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.model.schedule import Adjustment, Schedule
-from engine.model.shop import (
+from cellwright.engine.model.schedule import Adjustment, Schedule
+from cellwright.engine.model.shop import (
     Changeover,
     Device,
     Hold,
@@ -20,7 +20,7 @@ from engine.model.shop import (
     Stage,
     Window,
 )
-from engine.stages.scheduling import check_schedule
+from cellwright.engine.stages.scheduling import check_schedule
 from tests.engine.stages.scheduling.brute import complete
 from tests.engine.stages.scheduling.test_against_brute_force import shops_with_devices, shops_with_windows
 

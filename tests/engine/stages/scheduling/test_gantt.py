@@ -5,10 +5,10 @@ import xml.etree.ElementTree as ET
 
 from rich.console import Console
 
-from engine.formats.report.gantt import BarKind, Gantt, rows, schedule_entry, summary
-from engine.formats.report.gantt_svg import chart
-from engine.model.schedule import Schedule
-from engine.model.shop import Hold, Job, Moment, Resource, Shop, Stage
+from cellwright.engine.formats.report.gantt import BarKind, Gantt, rows, schedule_entry, summary
+from cellwright.engine.formats.report.gantt_svg import chart
+from cellwright.engine.model.schedule import Schedule
+from cellwright.engine.model.shop import Hold, Job, Moment, Resource, Shop, Stage
 from tests.engine.stages.scheduling.test_checker import GOOD, SHOP
 
 

@@ -3,11 +3,11 @@
 import itertools
 import random
 
-from engine.model.outcome import Infeasible
-from engine.model.passing import Meetings, Passed
-from engine.stages.scheduling.limits import ScheduleLimits
-from engine.stages.scheduling.passing import Crossing, passed
-from kb.model.plan import StepId
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.passing import Meetings, Passed
+from cellwright.engine.stages.scheduling.limits import ScheduleLimits
+from cellwright.engine.stages.scheduling.passing import Crossing, passed
+from cellwright.kb.model.plan import StepId
 
 Stay = tuple[StepId | None, StepId | None, StepId]
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.interop.jobshop import read_jobshop
-from engine.formats.interop.slab import is_slab, read_slab
-from engine.model.schedule import Scheduled
-from engine.model.shop import Moment, Resource, Window
-from engine.stages.scheduling import schedule
-from kb.diagnostics import InvalidInput
+from cellwright.engine.formats.interop.jobshop import read_jobshop
+from cellwright.engine.formats.interop.slab import is_slab, read_slab
+from cellwright.engine.model.schedule import Scheduled
+from cellwright.engine.model.shop import Moment, Resource, Window
+from cellwright.engine.stages.scheduling import schedule
+from cellwright.kb.diagnostics import InvalidInput
 
 TABLES = {
     "machines": "No\tType\tName\n1\t1\tshaker A\n2\t1\tshaker B\n3\t2\treader\n",

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import GaveUp, Infeasible
-from engine.model.schedule import Scheduled
-from engine.model.shop import Job, Moment, Resource, Shop, Stage, Window, in_order
-from engine.stages.scheduling import ScheduleLimits, check_schedule, schedule
-from engine.stages.scheduling.bounds import jackson, lower_bound
-from engine.stages.scheduling.construct import construct
-from engine.stages.scheduling.lags import Lags
-from engine.stages.scheduling.symmetry import alike
+from cellwright.engine.model.outcome import GaveUp, Infeasible
+from cellwright.engine.model.schedule import Scheduled
+from cellwright.engine.model.shop import Job, Moment, Resource, Shop, Stage, Window, in_order
+from cellwright.engine.stages.scheduling import ScheduleLimits, check_schedule, schedule
+from cellwright.engine.stages.scheduling.bounds import jackson, lower_bound
+from cellwright.engine.stages.scheduling.construct import construct
+from cellwright.engine.stages.scheduling.lags import Lags
+from cellwright.engine.stages.scheduling.symmetry import alike
 
 
 def job_shop(jobs: int, machines: int, seed: int) -> Shop:

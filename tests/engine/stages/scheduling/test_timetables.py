@@ -7,19 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from engine.formats.report.gantt import rows
-from engine.model.forecast import makespan
-from engine.model.outcome import Infeasible
-from engine.model.schedule import Timetable
-from engine.pipelines import planning
-from engine.pipelines.timetable import timetable
-from engine.stages.scheduling import check_schedule
-from engine.stages.validation import validate
-from kb.diagnostics import InvalidInput
-from kb.loader import bundled, load_problem
-from kb.model.plan import Plan, Step, StepId, in_sequence
-from kb.model.problem import Problem
-from kb.terms import Function, Number
+from cellwright.engine.formats.report.gantt import rows
+from cellwright.engine.model.forecast import makespan
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.schedule import Timetable
+from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.timetable import timetable
+from cellwright.engine.stages.scheduling import check_schedule
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.loader import bundled, load_problem
+from cellwright.kb.model.plan import Plan, Step, StepId, in_sequence
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Number
 
 
 def timed(problem: Problem) -> Timetable:

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from engine.stages.sequencing.candidates import quadrant
-from engine.stages.sequencing.costs import of_matrix
-from engine.stages.sequencing.kernels import bounds
-from engine.stages.sequencing.kernels.bounds import ascend, excess, one_tree
+from cellwright.engine.stages.sequencing.candidates import quadrant
+from cellwright.engine.stages.sequencing.costs import of_matrix
+from cellwright.engine.stages.sequencing.kernels import bounds
+from cellwright.engine.stages.sequencing.kernels.bounds import ascend, excess, one_tree
 
 GRAIN = 64.0  # penalties are whole parts of this, as in the kernel
 Ints = NDArray[np.int32]
@@ -71,7 +71,7 @@ def test_a_bound_is_never_above_the_shortest_tour_and_is_shown_by_its_penalties(
 
 
 def test_the_bound_of_random_cities_comes_near_a_good_tour() -> None:
-    from engine.stages.sequencing.chain1987 import chain
+    from cellwright.engine.stages.sequencing.chain1987 import chain
 
     places = np.random.default_rng(4).integers(0, 1000, (120, 2))
     cost = np.rint(np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))).astype(np.int32)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine.stages.sequencing.chain1987 import WINDOW, chain, convex_hull
-from engine.stages.sequencing.kernels.chain import exchange_edges, insert_all, peephole
+from cellwright.engine.stages.sequencing.chain1987 import WINDOW, chain, convex_hull
+from cellwright.engine.stages.sequencing.kernels.chain import exchange_edges, insert_all, peephole
 
 Ints = NDArray[np.int32]
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from engine.stages.sequencing import kernels
-from engine.stages.sequencing.kernels import distances, kicks
+from cellwright.engine.stages.sequencing import kernels
+from cellwright.engine.stages.sequencing.kernels import distances, kicks
 from tests.engine.interpreted import interpreted_package
 
 SOURCES = interpreted_package(kernels)

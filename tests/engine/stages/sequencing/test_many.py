@@ -9,13 +9,21 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
-from engine.model.metric import KINDS, Metric
-from engine.model.outcome import GaveUp
-from engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
-from engine.stages.sequencing import Limits, candidates, heldkarp, kernels, merging, sequence, symmetric
-from engine.stages.sequencing.costs import Costs, of_matrix
-from engine.stages.sequencing.curve import along_hilbert
-from engine.stages.sequencing.kernels import bounds, distances, graphs, trees
+from cellwright.engine.model.metric import KINDS, Metric
+from cellwright.engine.model.outcome import GaveUp
+from cellwright.engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
+from cellwright.engine.stages.sequencing import (
+    Limits,
+    candidates,
+    heldkarp,
+    kernels,
+    merging,
+    sequence,
+    symmetric,
+)
+from cellwright.engine.stages.sequencing.costs import Costs, of_matrix
+from cellwright.engine.stages.sequencing.curve import along_hilbert
+from cellwright.engine.stages.sequencing.kernels import bounds, distances, graphs, trees
 from tests.engine.interpreted import interpreted_package
 
 PLAIN = interpreted_package(kernels)

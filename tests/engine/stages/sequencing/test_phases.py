@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Infeasible
-from engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
-from engine.stages.sequencing import Limits, sequence
-from engine.stages.sequencing.phases import by_phases
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
+from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.engine.stages.sequencing.phases import by_phases
 
 QUICK = Limits(work=50, proof=1.0)
 

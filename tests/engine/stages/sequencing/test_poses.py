@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.tour import PoseProblem, Visit
-from engine.stages.sequencing import Limits
-from engine.stages.sequencing.poses import time_of, tour_then_poses, with_poses
+from cellwright.engine.model.tour import PoseProblem, Visit
+from cellwright.engine.stages.sequencing import Limits
+from cellwright.engine.stages.sequencing.poses import time_of, tour_then_poses, with_poses
 
 
 def problem(n: int, most: int, seed: int) -> PoseProblem:

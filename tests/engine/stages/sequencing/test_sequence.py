@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Infeasible
-from engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
-from engine.stages.sequencing import Limits, sequence
-from engine.stages.sequencing.arborescent import lower_bound
+from cellwright.engine.model.outcome import Infeasible
+from cellwright.engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
+from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.engine.stages.sequencing.arborescent import lower_bound
 
 QUICK = Limits(work=3000)
 

@@ -6,9 +6,9 @@ import random
 import numpy as np
 import pytest
 
-from engine.model.tour import SharedProblem, Shares, TourProblem, Visit, busy_with
-from engine.stages.sequencing import sharing
-from engine.stages.sequencing.sharing import share
+from cellwright.engine.model.tour import SharedProblem, Shares, TourProblem, Visit, busy_with
+from cellwright.engine.stages.sequencing import sharing
+from cellwright.engine.stages.sequencing.sharing import share
 
 
 def drawn(seed: int, count: int, arms: int = 2) -> SharedProblem:

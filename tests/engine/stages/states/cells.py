@@ -6,7 +6,7 @@ from itertools import permutations, product
 
 from hypothesis import strategies as st
 
-from kb.model.contacts import (
+from cellwright.kb.model.contacts import (
     AnchorPoint,
     ContactClass,
     ContactModel,
@@ -16,7 +16,7 @@ from kb.model.contacts import (
     Undesirable,
     class_of,
 )
-from kb.model.octuples import Octuple, Quadruple, parse_octuple
+from cellwright.kb.model.octuples import Octuple, Quadruple, parse_octuple
 
 State = frozenset[Octuple]
 SIDES = {"hand": True, "grip": False, "foot": True, "seat": False, "peg": True, "hole": False}

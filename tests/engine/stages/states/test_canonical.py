@@ -5,7 +5,7 @@ from itertools import permutations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.stages.states.canonical import canonical
+from cellwright.engine.stages.states.canonical import canonical
 
 Graph = tuple[tuple[int, ...], tuple[tuple[int, int, int], ...]]
 

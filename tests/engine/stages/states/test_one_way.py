@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from engine.model.outcome import Found
-from engine.pipelines import planning, task_space
-from kb.loader import load
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning, task_space
+from cellwright.kb.loader import load
 
 CELLS = Path(__file__).parents[3] / "domains"
 

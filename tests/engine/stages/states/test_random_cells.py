@@ -4,14 +4,14 @@ from collections import Counter
 
 from hypothesis import HealthCheck, given, settings
 
-from engine.model.task_space import Net, Space
-from engine.stages.states.counting import reachable
-from engine.stages.states.filters import Stability, Templates
-from engine.stages.states.firing import Player, Situation
-from engine.stages.states.generation import generate
-from engine.stages.states.nets import net_of
-from engine.stages.states.tokens import token_types
-from kb.model.contacts import ContactModel
+from cellwright.engine.model.task_space import Net, Space
+from cellwright.engine.stages.states.counting import reachable
+from cellwright.engine.stages.states.filters import Stability, Templates
+from cellwright.engine.stages.states.firing import Player, Situation
+from cellwright.engine.stages.states.generation import generate
+from cellwright.engine.stages.states.nets import net_of
+from cellwright.engine.stages.states.tokens import token_types
+from cellwright.kb.model.contacts import ContactModel
 from tests.engine.stages.states.cells import Recipe, Slow, cell, recipes
 
 few = settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))

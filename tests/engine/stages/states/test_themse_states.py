@@ -8,15 +8,15 @@ from itertools import permutations
 import pytest
 
 from benchmarks.states import themse
-from engine.formats.report import states as report
-from engine.pipelines import task_space
-from engine.pipelines.task_space import Wanted
-from engine.stages.states.bindings import bindings
-from engine.stages.states.firing import Player, Situation
-from engine.stages.states.nets import net_of
-from kb.diagnostics import InvalidInput
-from kb.model.contacts import ContactModel, Relevance
-from kb.model.octuples import parse_octuple
+from cellwright.engine.formats.report import states as report
+from cellwright.engine.pipelines import task_space
+from cellwright.engine.pipelines.task_space import Wanted
+from cellwright.engine.stages.states.bindings import bindings
+from cellwright.engine.stages.states.firing import Player, Situation
+from cellwright.engine.stages.states.nets import net_of
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.contacts import ContactModel, Relevance
+from cellwright.kb.model.octuples import parse_octuple
 
 APPENDIX = ("MARS_gripper", "THEMSE_drawer", "THEMSE_furnace", "probe")
 PROBES, DEPOTS = 4, ("drawer_1", "drawer_2", "drawer_3", "drawer_4", "furnace", "freezer")

@@ -4,12 +4,12 @@ import functools
 import tempfile
 from pathlib import Path
 
-from engine.stages.validation import validate
-from kb.asp import ground_term
-from kb.loader import load
-from kb.model.plan import CausalLink, Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function, Term
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.asp import ground_term
+from cellwright.kb.loader import load
+from cellwright.kb.model.plan import CausalLink, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Function, Term
 
 CELL = """domain: cell
 types:

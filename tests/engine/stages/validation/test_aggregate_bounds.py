@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Set
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.stages.validation.aggregates import Tuple, can_test, fitting
-from kb.arithmetic import order_key
-from kb.model.conditions import StateAggregate
-from kb.terms import Function, Number, Term, Variable
+from cellwright.engine.stages.validation.aggregates import Tuple, can_test, fitting
+from cellwright.kb.arithmetic import order_key
+from cellwright.kb.model.conditions import StateAggregate
+from cellwright.kb.terms import Function, Number, Term, Variable
 
 N, M = Variable("N"), Variable("M")
 VALUES: tuple[Term, ...] = (*map(Number, range(-2, 4)), Function("bolt"), Function("nut"))

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.model.outcome import Found
-from engine.pipelines import planning
-from engine.stages.validation import validate
-from kb.model.plan import Claims, Plan, Step
-from kb.model.problem import Chain, Problem
-from kb.terms import Atom, together
+from cellwright.engine.model.outcome import Found
+from cellwright.engine.pipelines import planning
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.plan import Claims, Plan, Step
+from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.terms import Atom, together
 from tests.engine.stages.validation.plans import atom, link, problem, step, wrong
 
 DOMAIN = """domain: bell

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.stages.validation.datalog import evaluate, holds, solve
-from engine.stages.validation.facts import Facts
-from kb.asp import Grounder
-from kb.model.conditions import (
+from cellwright.engine.stages.validation.datalog import evaluate, holds, solve
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.kb.asp import Grounder
+from cellwright.kb.model.conditions import (
     Aggregate,
     And,
     BodyPart,
@@ -24,7 +24,7 @@ from kb.model.conditions import (
     Or,
     Parameter,
 )
-from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
+from cellwright.kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
 
 MANY = settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
 X, Y, Z = Variable("X"), Variable("Y"), Variable("Z")

@@ -5,12 +5,22 @@ import itertools
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.stages.validation.datalog import solve
-from engine.stages.validation.derivation import Derivation
-from engine.stages.validation.facts import Facts
-from kb.model.conditions import BodyPart, Comparison, Literal
-from kb.model.domain import Rule
-from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Variable, substitute_atom, variables
+from cellwright.engine.stages.validation.datalog import solve
+from cellwright.engine.stages.validation.derivation import Derivation
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.kb.model.conditions import BodyPart, Comparison, Literal
+from cellwright.kb.model.domain import Rule
+from cellwright.kb.terms import (
+    ANYTHING,
+    Atom,
+    Function,
+    Number,
+    Operation,
+    Term,
+    Variable,
+    substitute_atom,
+    variables,
+)
 
 X, Y, Z = map(Variable, "XYZ")
 A, B = Function("a"), Function("b")

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.stages.validation.datalog import solve
-from engine.stages.validation.facts import MANY, Facts
-from kb.model.conditions import Literal
-from kb.terms import Atom, Function, Variable, match
+from cellwright.engine.stages.validation.datalog import solve
+from cellwright.engine.stages.validation.facts import MANY, Facts
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.terms import Atom, Function, Variable, match
 
 X, Y = Variable("X"), Variable("Y")
 THINGS = tuple(Function(f"t{number}") for number in range(9))

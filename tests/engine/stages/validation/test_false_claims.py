@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from engine.stages.validation import validate
-from kb.model.plan import CausalLink, Claims, Happened, Plan, Step, StepId
-from kb.model.problem import Problem
+from cellwright.engine.stages.validation import validate
+from cellwright.kb.model.plan import CausalLink, Claims, Happened, Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
 from tests.engine.stages.validation.plans import atom, link, problem, step
 
 BENCH = """domain: bench

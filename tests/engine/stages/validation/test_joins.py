@@ -5,15 +5,15 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.stages.validation.datalog import solutions, solve
-from engine.stages.validation.derivation import Derivation
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.joins import joins
-from engine.stages.validation.ordering import in_order
-from engine.stages.validation.tables import Tables
-from kb.model.conditions import Body, Comparison, Literal
-from kb.model.domain import Rule
-from kb.terms import Atom, Function, Variable
+from cellwright.engine.stages.validation.datalog import solutions, solve
+from cellwright.engine.stages.validation.derivation import Derivation
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.joins import joins
+from cellwright.engine.stages.validation.ordering import in_order
+from cellwright.engine.stages.validation.tables import Tables
+from cellwright.kb.model.conditions import Body, Comparison, Literal
+from cellwright.kb.model.domain import Rule
+from cellwright.kb.terms import Atom, Function, Variable
 
 NAMES = ("a", "b", "c")
 X, Y, Z = map(Variable, "XYZ")

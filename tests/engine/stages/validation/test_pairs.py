@@ -6,12 +6,12 @@ from unittest.mock import patch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.stages.validation import validate
-from engine.stages.validation.pairs import Region, Touched, loose, pairs
-from engine.stages.validation.precedence import Precedence
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import ANYTHING, Function
+from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation.pairs import Region, Touched, loose, pairs
+from cellwright.engine.stages.validation.precedence import Precedence
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ANYTHING, Function
 from tests.engine.stages.validation.test_precedence import plans
 from tests.properties.plans import posed
 
@@ -70,7 +70,7 @@ def test_unordered_steps_that_touch_the_same_region_are_loose_and_no_others_with
 @SOME
 def test_the_checker_tells_of_the_same_conflicts_as_with_all_pairs(given: tuple[Problem, Plan]) -> None:
     found = validate(*given)
-    with patch("engine.stages.validation.interference.pairs", every):
+    with patch("cellwright.engine.stages.validation.interference.pairs", every):
         assert validate(*given) == found
 
 

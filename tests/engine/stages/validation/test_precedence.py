@@ -3,9 +3,9 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.stages.validation.precedence import Precedence
-from kb.model.plan import GOAL, START, Plan, Step, StepId
-from kb.terms import Function
+from cellwright.engine.stages.validation.precedence import Precedence
+from cellwright.kb.model.plan import GOAL, START, Plan, Step, StepId
+from cellwright.kb.terms import Function
 
 
 @st.composite

@@ -6,13 +6,13 @@ from typing import Any
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from engine.stages.validation.datalog import bound, holds
-from engine.stages.validation.facts import Facts
-from engine.stages.validation.instances import Fired
-from engine.stages.validation.prepared import Prepared
-from engine.stages.validation.sums import compared, valued
-from kb.arithmetic import compare, evaluate
-from kb.model.conditions import (
+from cellwright.engine.stages.validation.datalog import bound, holds
+from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.instances import Fired
+from cellwright.engine.stages.validation.prepared import Prepared
+from cellwright.engine.stages.validation.sums import compared, valued
+from cellwright.kb.arithmetic import compare, evaluate
+from cellwright.kb.model.conditions import (
     TRUE,
     And,
     Comparison,
@@ -25,8 +25,18 @@ from kb.model.conditions import (
     Parameter,
     goal_parts,
 )
-from kb.model.domain import Effect, Operator
-from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable, substitute, substitute_atom
+from cellwright.kb.model.domain import Effect, Operator
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Number,
+    Operation,
+    Term,
+    Text,
+    Variable,
+    substitute,
+    substitute_atom,
+)
 
 MANY = settings(max_examples=300, deadline=None)
 X, Y, V, W, ANY = map(Variable, ("X", "Y", "V", "W", "_"))

@@ -2,9 +2,9 @@
 
 import pytest
 
-from engine.stages.validation import validate
-from engine.stages.validation.interference import MAX_UNCERTAIN
-from kb.model.plan import Plan
+from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation.interference import MAX_UNCERTAIN
+from cellwright.kb.model.plan import Plan
 from tests.engine.stages.validation.plans import AT_HOME, CELL, link, problem, step, wrong
 
 ARM_BOLT, ARM_NUT = ("arm", "bolt"), ("arm", "nut")

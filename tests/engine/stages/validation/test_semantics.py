@@ -6,15 +6,15 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.stages.grounding import ground
-from engine.stages.validation.changes import Denial, StepChange
-from engine.stages.validation.interference import Executed
-from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import InvalidInput
-from kb.model.conditions import Literal
-from kb.model.domain import Default
-from kb.model.problem import Problem
-from kb.terms import ANYTHING, Function
+from cellwright.engine.stages.grounding import ground
+from cellwright.engine.stages.validation.changes import Denial, StepChange
+from cellwright.engine.stages.validation.interference import Executed
+from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.kb.diagnostics import InvalidInput
+from cellwright.kb.model.conditions import Literal
+from cellwright.kb.model.domain import Default
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import ANYTHING, Function
 from tests.engine.stages.validation.plans import CELL, atom, link, problem, step, wrong
 from tests.properties.problems import CONSTANTS, ONE_X, X, atoms, problems
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.kernels.arrays import Floats
-from engine.kernels.rigid import difference, inverse, rotation, rotation_vector, transform, turned
-from engine.model.vision import Camera, DepthImage, Hypothesis, Located
-from engine.stages.vision.calibration import calibrated_camera, calibrated_range
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import difference, inverse, rotation, rotation_vector, transform, turned
+from cellwright.engine.model.vision import Camera, DepthImage, Hypothesis, Located
+from cellwright.engine.stages.vision.calibration import calibrated_camera, calibrated_range
 
 CAMERA = Camera.viewing(160, 120, 0.6, 1.0)
 SURE = np.diag([0.0003, 0.0003, 0.0006, 0.002, 0.002, 0.001]) ** 2

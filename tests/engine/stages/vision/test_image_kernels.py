@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.kernels.arrays import Floats, Truths
-from engine.kernels.rigid import apply, transform, turned
-from engine.stages.vision.kernels.rims import border, ends
-from engine.stages.vision.kernels.samples import Samples, seen
+from cellwright.engine.kernels.arrays import Floats, Truths
+from cellwright.engine.kernels.rigid import apply, transform, turned
+from cellwright.engine.stages.vision.kernels.rims import border, ends
+from cellwright.engine.stages.vision.kernels.samples import Samples, seen
 
 
 @settings(max_examples=40, deadline=None)

@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from engine.kernels.arrays import Floats
-from engine.kernels.rigid import difference, rotation, transform, translation, turned
-from engine.model.solid import Solid
-from engine.model.vision import Camera, DepthImage, Located, NotLocated
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.images import Sensor, disturbed, rendered
-from engine.stages.vision.kernels.rays import Range, draw
-from engine.stages.vision.localisation import Ground, locate
-from engine.stages.vision.refinement import AGREES, View, judged
-from engine.stages.vision.symmetry import symmetries
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import difference, rotation, transform, translation, turned
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.model.vision import Camera, DepthImage, Located, NotLocated
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.images import Sensor, disturbed, rendered
+from cellwright.engine.stages.vision.kernels.rays import Range, draw
+from cellwright.engine.stages.vision.localisation import Ground, locate
+from cellwright.engine.stages.vision.refinement import AGREES, View, judged
+from cellwright.engine.stages.vision.symmetry import symmetries
 from tests.engine.stages.solids import block, ell
 
 CAMERA = Camera.viewing(640, 480, 0.6, 1.0)

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.kernels.arrays import Floats
-from engine.kernels.rigid import transform, translation, turned
-from engine.model.fits import Fit, Shape
-from engine.model.ranging import EdgeKind, RangeImage, Vague, Window, picture_of
-from engine.model.solid import Solid
-from engine.stages.fitting.surfaces import fitted
-from engine.stages.vision.edges import edges_of
-from engine.stages.vision.patches import cloud_of, sigma_of
-from engine.stages.vision.placement import placed
-from engine.stages.vision.ranging import expected, of_depths, resolved, scanned
-from engine.stages.vision.rims import rim_of
-from kb.model.ranging import Ranging
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import transform, translation, turned
+from cellwright.engine.model.fits import Fit, Shape
+from cellwright.engine.model.ranging import EdgeKind, RangeImage, Vague, Window, picture_of
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.stages.fitting.surfaces import fitted
+from cellwright.engine.stages.vision.edges import edges_of
+from cellwright.engine.stages.vision.patches import cloud_of, sigma_of
+from cellwright.engine.stages.vision.placement import placed
+from cellwright.engine.stages.vision.ranging import expected, of_depths, resolved, scanned
+from cellwright.engine.stages.vision.rims import rim_of
+from cellwright.kb.model.ranging import Ranging
 from tests.engine.stages.solids import block, prism
 
 TOOL = Ranging("laser", 48, 48, np.radians(8), 0.3, 5e-5, 0.5, 0.0024, 0.0001)

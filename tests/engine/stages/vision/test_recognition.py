@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.kernels.arrays import Floats
-from engine.kernels.rigid import apply, difference, rotation, transform, turned
-from engine.model.ranging import Recognised, Sight
-from engine.model.solid import Solid
-from engine.model.vision import Camera
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.images import Sensor, disturbed, rendered
-from engine.stages.vision.localisation import Ground
-from engine.stages.vision.recognition import Claim, decided, recognised
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, difference, rotation, transform, turned
+from cellwright.engine.model.ranging import Recognised, Sight
+from cellwright.engine.model.solid import Solid
+from cellwright.engine.model.vision import Camera
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.images import Sensor, disturbed, rendered
+from cellwright.engine.stages.vision.localisation import Ground
+from cellwright.engine.stages.vision.recognition import Claim, decided, recognised
 from tests.engine.stages.solids import block, ell, prism
 
 CAMERA = Camera.viewing(320, 240, 0.3, 1.0)

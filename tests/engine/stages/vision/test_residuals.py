@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.kernels.rigid import rotation, transform
-from engine.model.vision import Camera, DepthImage
-from engine.stages.vision.hypotheses import Model
-from engine.stages.vision.images import rendered
-from engine.stages.vision.refinement import View, judged
-from engine.stages.vision.residuals import LEAST, beside_edges, off_px
+from cellwright.engine.kernels.rigid import rotation, transform
+from cellwright.engine.model.vision import Camera, DepthImage
+from cellwright.engine.stages.vision.hypotheses import Model
+from cellwright.engine.stages.vision.images import rendered
+from cellwright.engine.stages.vision.refinement import View, judged
+from cellwright.engine.stages.vision.residuals import LEAST, beside_edges, off_px
 from tests.engine.stages.solids import block
 
 CAMERA = Camera.viewing(640, 480, 0.6, 1.0)

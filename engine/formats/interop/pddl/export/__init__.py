@@ -9,14 +9,14 @@ So is one with quantities, which become numeric fluents. Durations and resources
 
 from dataclasses import dataclass
 
-from engine.formats.interop.pddl.export.background import NotLiftable
-from engine.formats.interop.pddl.export.flat import flattened
-from engine.formats.interop.pddl.export.ground import GroundWriter
-from engine.formats.interop.pddl.export.plans import GroundPlans, LiftedPlans
-from engine.formats.interop.pddl.export.writer import Writer
-from engine.model.task import Task
-from kb.model.plan import Plan
-from kb.model.problem import Problem
+from cellwright.engine.formats.interop.pddl.export.background import NotLiftable
+from cellwright.engine.formats.interop.pddl.export.flat import flattened
+from cellwright.engine.formats.interop.pddl.export.ground import GroundWriter
+from cellwright.engine.formats.interop.pddl.export.plans import GroundPlans, LiftedPlans
+from cellwright.engine.formats.interop.pddl.export.writer import Writer
+from cellwright.engine.model.task import Task
+from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.problem import Problem
 
 
 @dataclass(frozen=True, slots=True)

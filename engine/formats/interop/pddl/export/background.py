@@ -4,14 +4,14 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 
-from engine.model.task import Task
-from kb.asp import AspError, Grounder
-from kb.asp.statics import evaluate
-from kb.asp.vocabulary import guard
-from kb.model.conditions import Body, Parameter
-from kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, Term, Text, Variable, natural_key
+from cellwright.engine.model.task import Task
+from cellwright.kb.asp import AspError, Grounder
+from cellwright.kb.asp.statics import evaluate
+from cellwright.kb.asp.vocabulary import guard
+from cellwright.kb.model.conditions import Body, Parameter
+from cellwright.kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Number, Term, Text, Variable, natural_key
 
 NUMERAL, WORDS, CHAIN = "_numeral", "_text", "_chain"  # in PDDL, numbers, texts and chains are objects
 

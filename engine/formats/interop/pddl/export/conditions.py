@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import networkx as nx
 
-from engine.formats.interop.pddl.export.background import Background, Fresh, NotLiftable
-from engine.formats.interop.pddl.export.equations import Equations
-from kb.model.bindings import bind
-from kb.model.conditions import (
+from cellwright.engine.formats.interop.pddl.export.background import Background, Fresh, NotLiftable
+from cellwright.engine.formats.interop.pddl.export.equations import Equations
+from cellwright.kb.model.bindings import bind
+from cellwright.kb.model.conditions import (
     TRUE,
     Aggregate,
     And,
@@ -27,8 +27,8 @@ from kb.model.conditions import (
     StateAggregate,
     literals,
 )
-from kb.model.domain import OBJECT, Kind, Rule
-from kb.terms import (
+from cellwright.kb.model.domain import OBJECT, Kind, Rule
+from cellwright.kb.terms import (
     ANYTHING,
     Atom,
     Function,

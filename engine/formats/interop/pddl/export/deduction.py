@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from engine.formats.interop.pddl.export.background import NotLiftable
-from engine.formats.interop.pddl.export.conditions import Conditions, conjunction
-from engine.formats.interop.pddl.export.equations import Equations
-from kb.model.bindings import bind
-from kb.model.conditions import (
+from cellwright.engine.formats.interop.pddl.export.background import NotLiftable
+from cellwright.engine.formats.interop.pddl.export.conditions import Conditions, conjunction
+from cellwright.engine.formats.interop.pddl.export.equations import Equations
+from cellwright.kb.model.bindings import bind
+from cellwright.kb.model.conditions import (
     TRUE,
     And,
     Comparison,
@@ -20,8 +20,8 @@ from kb.model.conditions import (
     Parameter,
     goal_parts,
 )
-from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator
-from kb.terms import ANYTHING, Atom, Function, Term, Variable, substitute_atom, variables
+from cellwright.kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator
+from cellwright.kb.terms import ANYTHING, Atom, Function, Term, Variable, substitute_atom, variables
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from kb.terms import ANYTHING, Function, Term, Variable, is_ground
+from cellwright.kb.terms import ANYTHING, Function, Term, Variable, is_ground
 
 
 @dataclass

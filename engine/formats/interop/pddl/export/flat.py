@@ -3,13 +3,13 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, WORDS, Background
-from engine.formats.interop.pddl.export.conditions import Conditions, conjunction, disjunction
-from engine.formats.interop.pddl.export.operators import FlatOperator, Operators
-from engine.formats.interop.pddl.export.simplification import Simplifier
-from engine.formats.interop.pddl.export.stages import BEGIN, REACH, Stages
-from engine.model.task import Task
-from kb.model.conditions import (
+from cellwright.engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, WORDS, Background
+from cellwright.engine.formats.interop.pddl.export.conditions import Conditions, conjunction, disjunction
+from cellwright.engine.formats.interop.pddl.export.operators import FlatOperator, Operators
+from cellwright.engine.formats.interop.pddl.export.simplification import Simplifier
+from cellwright.engine.formats.interop.pddl.export.stages import BEGIN, REACH, Stages
+from cellwright.engine.model.task import Task
+from cellwright.kb.model.conditions import (
     And,
     Comparison,
     Condition,
@@ -20,9 +20,9 @@ from kb.model.conditions import (
     Or,
     Parameter,
 )
-from kb.model.domain import OBJECT, Operator
-from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, is_ground
+from cellwright.kb.model.domain import OBJECT, Operator
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.terms import Atom, Function, Term, is_ground
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from engine.formats.interop.pddl.export.names import PddlNames
-from engine.formats.interop.pddl.export.sums import Sums
-from engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
-from kb.terms import Function
+from cellwright.engine.formats.interop.pddl.export.names import PddlNames
+from cellwright.engine.formats.interop.pddl.export.sums import Sums
+from cellwright.engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
+from cellwright.kb.terms import Function
 
 
 class GroundWriter:

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
-from kb.terms import Number, Term, Text, Variable
+from cellwright.kb.terms import Number, Term, Text, Variable
 
 WORDS = frozenset(
     [

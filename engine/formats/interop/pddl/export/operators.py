@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from engine.formats.interop.pddl.export.background import NotLiftable
-from engine.formats.interop.pddl.export.conditions import FALSE, Conditions, Locals, conjunction
-from engine.formats.interop.pddl.export.deduction import Closing
-from engine.formats.interop.pddl.export.stages import Stages
-from kb.model.bindings import free_variables
-from kb.model.conditions import (
+from cellwright.engine.formats.interop.pddl.export.background import NotLiftable
+from cellwright.engine.formats.interop.pddl.export.conditions import FALSE, Conditions, Locals, conjunction
+from cellwright.engine.formats.interop.pddl.export.deduction import Closing
+from cellwright.engine.formats.interop.pddl.export.stages import Stages
+from cellwright.kb.model.bindings import free_variables
+from cellwright.kb.model.conditions import (
     TRUE,
     Aggregate,
     BodyPart,
@@ -18,8 +18,8 @@ from kb.model.conditions import (
     Parameter,
     goal_parts,
 )
-from kb.model.domain import NUMERIC_TYPES, Effect, Kind, Operator
-from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Variable, variables
+from cellwright.kb.model.domain import NUMERIC_TYPES, Effect, Kind, Operator
+from cellwright.kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Variable, variables
 
 COST = Variable("Cost__")
 

@@ -3,20 +3,20 @@
 from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 
-from engine.formats.interop.pddl.export.flat import Flat
-from engine.formats.interop.pddl.export.names import PddlNames
-from engine.formats.interop.pddl.export.operators import FlatOperator
-from engine.formats.interop.pddl.export.stages import BEGIN, REACH, named
-from engine.formats.interop.pddl.expressions import actions
-from engine.model.replay import instances, replayed
-from engine.model.stages import REACHES, stage_atom
-from engine.model.task import GroundOperator, Task
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import File
-from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.model.workflow import reaches
-from kb.terms import Atom, Function, Number, Term, Text, Variable, substitute
+from cellwright.engine.formats.interop.pddl.export.flat import Flat
+from cellwright.engine.formats.interop.pddl.export.names import PddlNames
+from cellwright.engine.formats.interop.pddl.export.operators import FlatOperator
+from cellwright.engine.formats.interop.pddl.export.stages import BEGIN, REACH, named
+from cellwright.engine.formats.interop.pddl.expressions import actions
+from cellwright.engine.model.replay import instances, replayed
+from cellwright.engine.model.stages import REACHES, stage_atom
+from cellwright.engine.model.task import GroundOperator, Task
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.files import File
+from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.workflow import reaches
+from cellwright.kb.terms import Atom, Function, Number, Term, Text, Variable, substitute
 
 
 def _sequence(instances: list[Function], task: Task) -> Plan:

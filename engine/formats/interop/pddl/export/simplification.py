@@ -6,9 +6,9 @@ With fewer conditional effects, more planners and heuristics accept the export.
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
-from engine.formats.interop.pddl.export.background import Background
-from engine.formats.interop.pddl.export.conditions import FALSE, conjunction, disjunction, negation
-from kb.model.conditions import (
+from cellwright.engine.formats.interop.pddl.export.background import Background
+from cellwright.engine.formats.interop.pddl.export.conditions import FALSE, conjunction, disjunction, negation
+from cellwright.kb.model.conditions import (
     TRUE,
     And,
     Comparison,
@@ -21,8 +21,8 @@ from kb.model.conditions import (
     Parameter,
     goal_parts,
 )
-from kb.model.domain import Effect, Operator
-from kb.terms import Atom, Function, Variable, substitute_atom
+from cellwright.kb.model.domain import Effect, Operator
+from cellwright.kb.terms import Atom, Function, Variable, substitute_atom
 
 Scope = Mapping[Variable, str]
 

@@ -2,12 +2,18 @@
 
 from collections.abc import Iterator
 
-from engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, Background, Fresh, NotLiftable
-from kb.model.conditions import And, Condition, Literal, Parameter
-from kb.model.domain import Effect, Kind, Operator
-from kb.model.problem import Chain
-from kb.model.workflow import Listed, begun, holding, lasting, late_stages, reaches
-from kb.terms import TOGETHER, Atom, Function, Number, Text, is_ground
+from cellwright.engine.formats.interop.pddl.export.background import (
+    CHAIN,
+    NUMERAL,
+    Background,
+    Fresh,
+    NotLiftable,
+)
+from cellwright.kb.model.conditions import And, Condition, Literal, Parameter
+from cellwright.kb.model.domain import Effect, Kind, Operator
+from cellwright.kb.model.problem import Chain
+from cellwright.kb.model.workflow import Listed, begun, holding, lasting, late_stages, reaches
+from cellwright.kb.terms import TOGETHER, Atom, Function, Number, Text, is_ground
 
 REACHED, BEGIN, REACH = "_reached", "_begin", "_reach"
 Happening = tuple[Condition, tuple[Parameter, ...], tuple[Effect, ...]]

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 
-from engine.formats.interop.pddl.export.names import PddlNames
-from engine.model.quantities import OPPOSITE, Assignment, Comparing, Level, Linear
-from engine.model.task import Bits, Task, bitset
+from cellwright.engine.formats.interop.pddl.export.names import PddlNames
+from cellwright.engine.model.quantities import OPPOSITE, Assignment, Comparing, Level, Linear
+from cellwright.engine.model.task import Bits, Task, bitset
 
 
 class Sums:

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from engine.formats.interop.pddl.export.flat import Axiom, Flat
-from engine.formats.interop.pddl.export.names import PddlNames, Variables
-from kb.model.conditions import (
+from cellwright.engine.formats.interop.pddl.export.flat import Axiom, Flat
+from cellwright.engine.formats.interop.pddl.export.names import PddlNames, Variables
+from cellwright.kb.model.conditions import (
     TRUE,
     And,
     Comparison,
@@ -18,8 +18,8 @@ from kb.model.conditions import (
     Parameter,
     conditions,
 )
-from kb.model.domain import OBJECT, Effect, Operator
-from kb.terms import Atom, Number, Term, Variable
+from cellwright.kb.model.domain import OBJECT, Effect, Operator
+from cellwright.kb.terms import Atom, Number, Term, Variable
 
 
 @dataclass
