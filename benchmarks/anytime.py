@@ -19,9 +19,9 @@ from planning import Instance, folder_of, ours, output, tasks
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.formats.interop.pddl import read_pddl
-from cellwright.engine.formats.interop.pddl.plans import read_plan
-from cellwright.engine.pipelines import planning
+from cellwright.engine.formats.interop.pddl import read_pddl_task
+from cellwright.engine.formats.interop.pddl.competition_plans import read_plan
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.diagnostics import InvalidInput
 
 END = 5  # seconds that a command may take beyond its time
@@ -38,12 +38,14 @@ class Pair:
 
 def cost(folder: Path, plan: Path) -> float | None:
     """What a plan costs that our checker accepts, in the task's own unit."""
-    task = read_pddl(folder / "domain.pddl", folder / "problem.pddl")
+    task = read_pddl_task(folder / "domain.pddl", folder / "problem.pddl")
     try:
         made = read_plan(task, plan)
     except (InvalidInput, OSError):
         return None
-    return None if planning.check_plan(task.problem, made) else float(Fraction(made.cost, task.unit_of_cost))
+    return (
+        None if checked_plan.check_plan(task.problem, made) else float(Fraction(made.cost, task.unit_of_cost))
+    )
 
 
 def of_ours(task: Instance, place: Path, seconds: float) -> float | None:

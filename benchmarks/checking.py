@@ -73,8 +73,8 @@ def _of_children() -> float:
 def report(kept: Path, words: list[str]) -> None:
     """Run a command in this process, and write what its checks took, after each: a command ends the process by itself."""
     from cellwright.engine.faces.cli import main as command
-    from cellwright.engine.pipelines.gate import PlanGate
-    from cellwright.kb.model.plan import Plan
+    from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+    from cellwright.kb.model.plan_model import Plan
 
     taken = 0.0
     plain = PlanGate.findings

@@ -4,7 +4,7 @@
         [--first] [--json FILE]
 
 Each client is a process with connections of its own. It looks up as `cellwright.plan` does in a program that plans again and again: the
-library stays open and is read ahead (`cellwright.engine.pipelines.reuse.standing`), and Python looks for cycles of references when it wants to. After
+library stays open and is read ahead (`cellwright.engine.pipelines.planning.macros.library_planner`), and Python looks for cycles of references when it wants to. After
 `--warm` days it has in memory what a cell has that has run for a while. When all have done so, they begin, and go on for `--seconds`. Every
 `--every` seconds on average a client looks up a day of measuring on other points than it was learned with, and writes: it counts the use,
 counts a trial in a row that all share, adds a closed case, and moves a kept sequence that all share one visit on (it reads it, changes it,
@@ -41,14 +41,14 @@ from points import Day, again, different_days
 from postgres import Server, server
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.reuse.standing import standing
-from cellwright.engine.stages.macros.lookup.repertoire import record_of
-from cellwright.engine.stages.planning import Limits
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.pipelines.planning.macros.library_planner import open_planner
+from cellwright.engine.stages.macros.lookup.macro_repertoire import macro_record
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library, loads
-from cellwright.kb.store.cases import Cases, ClosedCase
-from cellwright.kb.store.checking import checked
-from cellwright.kb.store.sequences import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.store.case_store import Cases, ClosedCase
+from cellwright.kb.store.inspection_store import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.store.store_maintenance import check_library
 from cellwright.kb.terms import Function
 
 BAR_S, SEED, LEARNS = 0.020, 1, 10
@@ -125,7 +125,7 @@ class Client:
     def _found(self, problem: Problem) -> tuple[float, float, int | None]:
         """Seconds to the plan and to the end of the turn, and the number of the MACROP that gave the plan."""
         began = time.perf_counter()
-        with standing(self.url, problem.domain, Limits()) as practice:  # its end counts the use
+        with open_planner(self.url, problem.domain, SearchLimits()) as practice:  # its end counts the use
             answer = practice.plan(problem)
             plan_s = time.perf_counter() - began
         turn_s = time.perf_counter() - began
@@ -144,7 +144,7 @@ class Client:
         macrop = self.library.macrop(found) if found is not None and turn % LEARNS == 0 else None
         if macrop is not None:
             name = Function(f"own_{self.number}_{turn}")  # a MACROP that nobody else stores
-            own = record_of(dataclasses.replace(macrop, domain="another", name=name))
+            own = macro_record(dataclasses.replace(macrop, domain="another", name=name))
             self.told.learned += self.library.add([own])[0] is not None
 
 
@@ -206,7 +206,7 @@ def shared(documents: Sequence[str], clients: int) -> Iterator[Server]:
     """A library in PostgreSQL with MACROPs, for so many clients."""
     with server(f"-c fsync=off -c max_connections={4 * clients + 20}") as base:
         with Library(base.url) as library:
-            library.add([record_of(loads(text), 60.0) for text in documents])
+            library.add([macro_record(loads(text), 60.0) for text in documents])
         yield base
 
 
@@ -229,7 +229,11 @@ def lost(url: str, told: Sequence[Told], before: int) -> list[str]:
         "MACROPs": (figures.macrops, before + sum(each.learned for each in told)),
     }
     wrong = [f"{name}: {there} for {wanted}" for name, (there, wanted) in rows.items() if there != wanted]
-    return [*wrong, *(each.message for each in checked(url)[0]), *(each.error for each in told if each.error)]
+    return [
+        *wrong,
+        *(each.message for each in check_library(url)[0]),
+        *(each.error for each in told if each.error),
+    ]
 
 
 def spread(seconds: Iterable[float]) -> list[float]:

@@ -17,9 +17,9 @@ from clusters import Cluster
 from postgres import Server, emptied
 from store_content import knowledge, rows
 
-from cellwright.engine.pipelines.preparation import prepare
-from cellwright.engine.pipelines.units import Crew, crew_of
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.pipelines.jobs import WorkCrew, crew_of
+from cellwright.engine.pipelines.precompute import prepare_problems
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
 
 VICTIMS = ("worker", "scheduler", "client", "database")
@@ -37,9 +37,9 @@ class Trial:
         """The preparation by one process."""
         self._prepared(crew_of(1))
 
-    def _prepared(self, crew: Crew) -> bool:
+    def _prepared(self, crew: WorkCrew) -> bool:
         """Whether all was finished in this call."""
-        found = prepare(self.paths, self.store, Limits(1_000_000), crew)
+        found = prepare_problems(self.paths, self.store, SearchLimits(1_000_000), crew)
         return len(found.problems) == len(self.paths) and all(
             each.status == "found" for each in found.problems
         )

@@ -26,13 +26,14 @@ from rich.console import Console
 from rich.table import Table
 from ur5_cells import KINDS, Task, tasks
 
-from cellwright.engine.model.geometry import Floats, Scene
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.geometry import CollisionScene
 from cellwright.engine.ports import CollisionChecker, GeometryBackend
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
-from cellwright.engine.stages.geometry.collision.reference import signed_distance
-from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
-from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
+from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
 
 TOUCHING_M = 1e-6
 BAR = 3.0
@@ -60,7 +61,7 @@ def backends() -> dict[str, GeometryBackend]:
 
 def always_touching(task: Task) -> Names:
     """Pairs of links that touch in every configuration: the spheres swell the links."""
-    alone = scene_of(task.world, leave_out=list(task.world.cell.bodies))
+    alone = collision_scene_of(task.world, leave_out=list(task.world.cell.bodies))
     checker = BuiltinBackend().checker(alone)
     q = task.world.models["ur5"].random(200, np.random.default_rng(1))
     touching = [{frozenset((c.first, c.second)) for c in checker.contacts(one)} for one in q]
@@ -78,7 +79,7 @@ def rate(run: Callable[[], object], count: int, clock: Callable[[], float] = tim
     return count / min(times)
 
 
-def plain_clearance(scene: Scene, q: Floats) -> float:
+def plain_clearance(scene: CollisionScene, q: Floats) -> float:
     """The least signed distance by the plain reference, pairs farther apart than 0.1 m left out."""
     poses, least = carrier_poses(scene.joints, q), 0.1
     placed = [transforms.apply(poses[p.carrier] @ p.T_carrier_piece, p.vertices) for p in scene.pieces]
@@ -92,7 +93,7 @@ def plain_clearance(scene: Scene, q: Floats) -> float:
     return least
 
 
-def explained(scene: Scene, q: Floats, ours: bool) -> str:
+def explained(scene: CollisionScene, q: Floats, ours: bool) -> str:
     """Why another backend answers otherwise."""
     least = plain_clearance(scene, q)
     if abs(least) <= TOUCHING_M:
@@ -116,7 +117,7 @@ def row(name: str, checker: CollisionChecker, q: Floats, ours: np.ndarray) -> di
 
 def measure(task: Task, count: int, peers: dict[str, GeometryBackend]) -> dict[str, Any]:
     """All rows of one cell."""
-    scene = scene_of(task.world, allowed=always_touching(task))
+    scene = collision_scene_of(task.world, allowed=always_touching(task))
     q = task.world.models["ur5"].random(count, np.random.default_rng(7))
     checkers = {name: backend.checker(scene) for name, backend in peers.items()}
     ours = checkers["builtin"].collides(q)

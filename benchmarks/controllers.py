@@ -6,10 +6,10 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from cellwright.engine.pipelines.controllers.link import Place
-from cellwright.engine.pipelines.controllers.serving import Cell, Conversation
+from cellwright.engine.pipelines.execution.controllers.link import ControllerAddress
+from cellwright.engine.pipelines.execution.controllers.reference_controller import Conversation, ServedCell
 from cellwright.engine.ports import DriverSetup
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 
 Lines = list[bytes]
 Manners = Callable[[int, Lines], Lines | None]  # what is sent instead of some lines; None hangs up
@@ -21,10 +21,10 @@ class Server:
     def __init__(
         self, problem: Problem, manners: Manners = lambda _, lines: lines, factor: float = 0.0, **options: str
     ) -> None:
-        self.cell = Cell(DriverSetup(problem, "", 0, factor, options))
+        self.cell = ServedCell(DriverSetup(problem, "", 0, factor, options))
         self.manners, self.heard = manners, 0
         self.listener = socket.create_server(("127.0.0.1", 0))
-        self.place = Place("", "127.0.0.1", self.listener.getsockname()[1])
+        self.place = ControllerAddress("", "127.0.0.1", self.listener.getsockname()[1])
         threading.Thread(target=self._serve, daemon=True).start()
 
     def _serve(self) -> None:

@@ -24,20 +24,27 @@ from rich.console import Console
 from rich.table import Table
 from troubles import isolation, uncertain, with_setup
 
-from cellwright.engine.model.cases import Hypothesis
-from cellwright.engine.model.circuit import Circuit
-from cellwright.engine.model.troubleshooting import Action, Advice, Troubleshooting, expected_cost
-from cellwright.engine.stages.diagnosis.bench import read_bench
-from cellwright.engine.stages.diagnosis.circuits import diagnose, program
-from cellwright.engine.stages.diagnosis.knowledge import open_case
-from cellwright.engine.stages.diagnosis.selection import Selector
-from cellwright.engine.stages.diagnosis.session import QUESTION, Session, run
-from cellwright.engine.stages.diagnosis.trees import cost_under
-from cellwright.engine.stages.diagnosis.world import HiddenWorld, draw_cause
-from cellwright.kb.asp.optimum import best_models
-from cellwright.kb.loader import bundled
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.faults import FaultModel
+from cellwright.engine.model.troubleshooting import (
+    Action,
+    CaseAdvice,
+    CaseHypothesis,
+    Circuit,
+    Troubleshooting,
+    expected_cost,
+)
+from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
+from cellwright.engine.stages.diagnosis.case_session import QUESTION, CaseSession, run_session
+from cellwright.engine.stages.diagnosis.circuit_diagnosis import (
+    diagnose_circuit,
+    diagnosis_program,
+    read_bench,
+)
+from cellwright.engine.stages.diagnosis.fault_problems import open_case
+from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld, cost_under, draw_cause
+from cellwright.kb.asp.model_search import best_models
+from cellwright.kb.loader import bundled_domains
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.fault_model import FaultModel
 
 Row = dict[str, Any]
 PLENTY = 10_000_000
@@ -69,7 +76,7 @@ def exact(problems: int, _: Path) -> tuple[list[Row], list[str]]:
 
 def _solved(problem: Troubleshooting) -> float:
     started = time.perf_counter()
-    selector = Selector(problem, PLENTY)
+    selector = ActionSelector(problem, PLENTY)
     advice = selector.advise(selector.start())
     cost = expected_cost(selector.tree())
     assert advice.optimal
@@ -106,16 +113,16 @@ def _against(name: str, make: Callable[[int], Troubleshooting], problems: int) -
 
 def _compared(problem: Troubleshooting) -> tuple[float, dict[str, float], list[float]]:
     """The optimum, the costs of rollout and rules, and the bounds that were printed with small budgets."""
-    selector = Selector(problem, PLENTY)
+    selector = ActionSelector(problem, PLENTY)
     best = selector.advise(selector.start())
     assert best.optimal
-    hasty = Selector(problem, 1)
+    hasty = ActionSelector(problem, 1)
     costs = {
         "rollout": expected_cost(hasty.tree()),
         "gain per cost": expected_cost(selector.tree(choose=selector.rule("gain"))),
         "pairs per cost": expected_cost(selector.tree(choose=selector.rule("pairs"))),
     }
-    thrifty = Selector(problem, 100)
+    thrifty = ActionSelector(problem, 100)
     bounds = [each.advise(each.start()).bound for each in (hasty, thrifty)]
     return best.expected_cost, costs, bounds
 
@@ -126,9 +133,9 @@ def setup(problems: int, _: Path) -> tuple[list[Row], list[str]]:
     for seed in range(problems):
         problem = with_setup(10, 10, 3, seed)
         blind = Troubleshooting(problem.causes, problem.priors, problem.actions, problem.conclusions)
-        selector = Selector(problem, PLENTY)
+        selector = ActionSelector(problem, PLENTY)
         optimum = selector.advise(selector.start()).expected_cost
-        lost.append(100 * (cost_under(problem, Selector(blind, PLENTY).tree()) / optimum - 1))
+        lost.append(100 * (cost_under(problem, ActionSelector(blind, PLENTY).tree()) / optimum - 1))
     rows, missed = _against("10 x 10 with set-up", lambda seed: with_setup(10, 10, 3, seed), problems)
     ignored = {"problems": rows[0]["problems"], "rule": "optimal without set-up"}
     return [*rows, {**ignored, "mean loss (%)": statistics.mean(lost), "worst (%)": max(lost)}], missed
@@ -164,7 +171,7 @@ def _inverted(circuit: Circuit, count: int, seed: int) -> tuple[float, int]:
     """Seconds and size of the diagnosis of a circuit with so many inverted gates."""
     given, seen = drawn(circuit, count, seed)
     started = time.perf_counter()
-    made = diagnose(circuit, given, seen)
+    made = diagnose_circuit(circuit, given, seen)
     taken = time.perf_counter() - started
     assert made is not None
     assert len(made.gates) <= count
@@ -193,9 +200,9 @@ def multiplier(problems: int, data: Path) -> tuple[list[Row], list[str]]:
     for seed in range(max(1, problems // 100)):
         given, seen = drawn(circuit, 5, seed)
         started = time.perf_counter()
-        made = diagnose(circuit, given, seen)
+        made = diagnose_circuit(circuit, given, seen)
         ours = time.perf_counter() - started
-        text = program(circuit, given, seen, frozenset(circuit.gates))
+        text = diagnosis_program(circuit, given, seen, frozenset(circuit.gates))
         plain = next(iter(best_models(text, "faulty", 1, ("--opt-strategy=usc",))))
         taken = time.perf_counter() - started - ours
         assert made is not None
@@ -214,7 +221,7 @@ def advice(problems: int, _: Path) -> tuple[list[Row], list[str]]:
         for seed in range(max(1, problems // 100)):
             problem = isolation(size, size, density, bool(seed % 2), seed)
             started = time.perf_counter()
-            selector = Selector(problem)
+            selector = ActionSelector(problem)
             found = selector.advise(selector.start())
             taken = time.perf_counter() - started
             row = {"causes x tests": f"{size} x {size}", "density": density, "seed": seed, "time (s)": taken}
@@ -225,7 +232,7 @@ def advice(problems: int, _: Path) -> tuple[list[Row], list[str]]:
 
 def models() -> dict[str, FaultModel]:
     """The bundled fault bases."""
-    return {name: load_faults(folder / "domain.yaml")[0] for name, folder in bundled().items()}
+    return {name: load_faults(folder / "domain.yaml")[0] for name, folder in bundled_domains().items()}
 
 
 def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
@@ -234,13 +241,13 @@ def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
     for domain, model in models().items():
         for exception in model.exceptions:
             problem = open_case(model, exception).problem
-            optimum = expected_cost(Selector(problem).tree())
+            optimum = expected_cost(ActionSelector(problem).tree())
             mean, variance, wrong = 0.0, 0.0, []
             for cause, prior in model.priors(exception).items():
                 costs = []
                 for seed in range(max(20, problems // 5)):
-                    world = HiddenWorld(model, Hypothesis((cause,)), random.Random(f"{cause} {seed}"))
-                    made = run(Session(model, exception), _tests_of(world))
+                    world = HiddenWorld(model, CaseHypothesis((cause,)), random.Random(f"{cause} {seed}"))
+                    made = run_session(CaseSession(model, exception), _tests_of(world))
                     costs.append(made.cost)
                     wrong += [cause] if made.hypotheses[0][0].causes != (cause,) or not made.isolated else []
                 mean += prior * statistics.mean(costs)
@@ -261,7 +268,7 @@ def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
     return rows, missed
 
 
-def _tests_of(world: HiddenWorld) -> Callable[[Action, Advice], str | None]:
+def _tests_of(world: HiddenWorld) -> Callable[[Action, CaseAdvice], str | None]:
     """The answers of a world; nobody answers the question of a safe stop, which no test plan pays for."""
     return lambda action, _: None if action.name == QUESTION else world.respond(action)
 
@@ -273,8 +280,8 @@ def learning(problems: int, _: Path, cases: int = 500) -> tuple[list[Row], list[
         before, after = [], []
         for exception in model.exceptions:
             true = open_case(model, exception).problem
-            optimum = expected_cost(Selector(true).tree())
-            flat = Selector(open_case(model, exception, counts={}).problem).tree()
+            optimum = expected_cost(ActionSelector(true).tree())
+            flat = ActionSelector(open_case(model, exception, counts={}).problem).tree()
             before.append(100 * (cost_under(true, flat) / optimum - 1))
             after += [
                 100 * (cost_under(true, _learned(model, exception, cases, seed)) / optimum - 1)
@@ -292,7 +299,7 @@ def _learned(model: FaultModel, exception: str, cases: int, seed: int) -> Any:
     chance, counts = random.Random(seed), dict.fromkeys(model.exceptions[exception].counts, 0.0)
     for _ in range(cases):
         counts[draw_cause(model, exception, chance).causes[0]] += 1
-    return Selector(open_case(model, exception, counts=counts).problem).tree()
+    return ActionSelector(open_case(model, exception, counts=counts).problem).tree()
 
 
 PARTS = {

@@ -24,23 +24,23 @@ import numpy as np
 import yaml
 
 from cellwright.domains.bulkhead.points import points
-from cellwright.engine.model.moves import MovedStep
+from cellwright.engine.model.motion_values import MovedStep
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.moves.meetings import Encounters
-from cellwright.engine.pipelines.moves.passing import Shared, kept_apart, moments_of
-from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
-from cellwright.engine.pipelines.moves.rehearsal import NOTHING, Rehearsal, delayed
-from cellwright.engine.pipelines.moves.walking import Walk
-from cellwright.engine.pipelines.objective import Order, plan
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.timetable import timetable
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.motion.arm_conflicts import ArmEncounters
+from cellwright.engine.pipelines.motion.arm_passing import PassingPlan, kept_apart, moments_of
+from cellwright.engine.pipelines.motion.delay_rehearsal import NO_LOOKS, DelayRehearsal, delayed_begins
+from cellwright.engine.pipelines.motion.moving_plan import MovingRun, plan_moving
+from cellwright.engine.pipelines.motion.plan_walk import PlanWalk
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice, plan_for_objective
+from cellwright.engine.pipelines.planning.timetable import make_timetable
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.terms import Function
 
 HALF_M = 1.4  # of the width of what is measured
@@ -113,7 +113,7 @@ def bulkhead(count: int, runs: int, work: Path) -> dict[str, Any]:
     target = written(count, work)
     problem, cell, backend = problem_of(str(target), "", ""), cell_of(str(target)), geometry_backend()
     began = time.process_time()
-    walk = Walk(PlanGate().semantics(problem), cell, backend)
+    walk = PlanWalk(PlanGate().semantics(problem), cell, backend)
     given = toured(problem_points(target))
     steps = list(walk.steps(given))
     lost = [each for each in steps if not isinstance(each, MovedStep)]
@@ -121,7 +121,7 @@ def bulkhead(count: int, runs: int, work: Path) -> dict[str, Any]:
         return {"lost": str(lost[0])}
     moved = [each for each in steps if isinstance(each, MovedStep)]
     found = time.process_time()
-    encounters = Encounters(backend)
+    encounters = ArmEncounters(backend)
     shared = kept_apart(walk, given, lasting, encounters, {})
     if isinstance(shared, str):
         return {"blocked": shared}
@@ -145,13 +145,13 @@ def bulkhead(count: int, runs: int, work: Path) -> dict[str, Any]:
     }
 
 
-def rehearsed(walk: Walk, shared: Shared, encounters: Encounters, runs: int) -> dict[str, Any]:
+def rehearsed(walk: PlanWalk, shared: PassingPlan, encounters: ArmEncounters, runs: int) -> dict[str, Any]:
     """Delays of up to 10 s for each step, drawn anew in each run."""
-    began, drawn, found = time.process_time(), random.Random(1), NOTHING
-    rehearsal = Rehearsal(moments_of(walk, shared.plan, shared.steps), encounters)
+    began, drawn, found = time.process_time(), random.Random(1), NO_LOOKS
+    rehearsal = DelayRehearsal(moments_of(walk, shared.plan, shared.steps), encounters)
     for _ in range(runs):
         late = {step.id: drawn.uniform(0.0, 10.0) for step in shared.plan.steps}
-        starts, last = delayed(shared.plan, shared.steps, 1.0, late)
+        starts, last = delayed_begins(shared.plan, shared.steps, 1.0, late)
         found = found.and_also(rehearsal.seen(starts, last, least_m=found.least_m))
     spent = time.process_time() - began
     return {"runs": runs, **asdict(found), "rehearsed_cpu_s": spent}
@@ -235,7 +235,7 @@ def themse(probes: int, work: Path) -> dict[str, Any]:
     found: dict[str, Any] = {"probes": probes}
     for hands in (1, 2):
         target = two_handed(probes, hands, work / f"themse_{hands}")
-        made = timetable(problem_of(str(target), "", ""))
+        made = make_timetable(problem_of(str(target), "", ""))
         if not isinstance(made, Timetable):
             return {**found, "lost": str(made)}
         key = "one_arm" if hands == 1 else "two_arms"
@@ -295,12 +295,14 @@ def handed(device: Path, to: Path) -> None:
     (to / "rules.lp").write_text("\n".join(each for each in rules if not each.startswith("shows(")) + "\n")
 
 
-def moving(name: str) -> tuple[Moving, Walk]:
+def moving(name: str) -> tuple[MovingRun, PlanWalk]:
     """The plan that moves for a problem of the bench, and who walks through it."""
     target, backend = f"dual/{name}", geometry_backend()
     problem, cell = problem_of(target, "", ""), cell_of(target)
-    made = plan_moving(problem, cell, backend, lambda p: plan(p, Limits(), None, Order.SEQUENCE))
-    return made, Walk(PlanGate().semantics(problem), cell, backend)
+    made = plan_moving(
+        problem, cell, backend, lambda p: plan_for_objective(p, SearchLimits(), None, SequenceChoice.SEQUENCE)
+    )
+    return made, PlanWalk(PlanGate().semantics(problem), cell, backend)
 
 
 def delays(runs: int) -> dict[str, Any]:
@@ -311,8 +313,8 @@ def delays(runs: int) -> dict[str, Any]:
         made, walk = moving(name)
         assert isinstance(made.run.outcome, Found)
         assert made.sharing is not None
-        shared = Shared(made.run.outcome.plan, {}, made.steps, made.sharing)
-        found = rehearsed(walk, shared, Encounters(geometry_backend()), runs // len(names))
+        shared = PassingPlan(made.run.outcome.plan, {}, made.steps, made.sharing)
+        found = rehearsed(walk, shared, ArmEncounters(geometry_backend()), runs // len(names))
         moments, looks = moments + found["moments"], looks + found["looks"]
         least = min(least, found["least_m"])
     return {"problems": names, "runs": runs, "moments": moments, "looks": looks, "least_m": least}
@@ -320,26 +322,28 @@ def delays(runs: int) -> dict[str, Any]:
 
 def physics() -> dict[str, Any]:
     """How far parts are from where the facts put them, and how far they are turned: after each step, in the hand, too."""
-    from cellwright.engine.pipelines.moves.states import states_of
-    from cellwright.engine.pipelines.witness.stage import SETTLE_S, Stage
-    from cellwright.engine.stages.geometry.world.following import following
-    from cellwright.engine.stages.geometry.world.model import World
+    from cellwright.engine.pipelines.motion.plan_walk import states_of
+    from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_stage import REST_TIME_S, MujocoStage
+    from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
 
     off, tilt, touched, ends = 0.0, 0.0, [], {}
     for name, part in (("over", "rod_1"), ("carried", "beam")):
         made, walk = moving(name)
         assert isinstance(made.run.outcome, Found)
         steps = {each.step: each for each in made.steps}
-        stage = Stage(following(World.of(walk.cell), walk.semantics.initial()))
+        stage = MujocoStage(world_after_facts(GeometricWorld.of(walk.cell), walk.semantics.initial()))
         for step, before, after in states_of(walk.semantics, made.run.outcome.plan):
-            worlds = following(World.of(walk.cell), before), following(World.of(walk.cell), after)
+            worlds = (
+                world_after_facts(GeometricWorld.of(walk.cell), before),
+                world_after_facts(GeometricWorld.of(walk.cell), after),
+            )
             stage.take(steps[step.id], *worlds)
             wanted = stage.actual(worlds[1]).pose("world", part)
             real = stage.pose(part)
             off = max(off, float(np.linalg.norm(wanted[:3, 3] - real[:3, 3])))
             turn = transforms.rotation_vector(wanted[:3, :3].T @ real[:3, :3])
             tilt = max(tilt, float(np.degrees(np.linalg.norm(turn))))
-        stage.wait(SETTLE_S)
+        stage.wait(REST_TIME_S)
         ends[name] = stage.off(worlds[1])[part]
         touched += [
             f"{name}: {each.first} and {each.second}, {each.force_n} N" for each in stage.touches.found

@@ -21,23 +21,22 @@ import time
 from pathlib import Path
 from typing import Any
 
-from cellwright.engine.model.execution import Record, RecordKind
-from cellwright.engine.pipelines.execution import Execution, Timed
-from cellwright.engine.pipelines.execution.begin import Ledger, Wanted, document
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
+from cellwright.engine.pipelines.execution import RunExecution, TimedOrders
 from cellwright.engine.pipelines.execution.checkpoints import past_of
-from cellwright.engine.pipelines.execution.compiling import situation_of
-from cellwright.engine.pipelines.execution.planned import ready
-from cellwright.engine.pipelines.execution.recorder import Recorder
-from cellwright.engine.pipelines.execution.resuming import Past
-from cellwright.engine.pipelines.execution.scope import Scope
-from cellwright.engine.pipelines.execution.settling import taken_up
-from cellwright.engine.pipelines.simulation import SymbolicWorld
-from cellwright.engine.pipelines.simulator import HiddenCell, Simulator
-from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.engine.pipelines.execution.compiled_program import initial_situation
+from cellwright.engine.pipelines.execution.executable_plan import compile_ready_plan
+from cellwright.engine.pipelines.execution.run_goals import RunScope
+from cellwright.engine.pipelines.execution.run_journal import Recorder
+from cellwright.engine.pipelines.execution.run_resumption import PastRun, taken_up
+from cellwright.engine.pipelines.execution.run_start import JournalLedger, RunRequest, run_document
+from cellwright.engine.pipelines.recovery import SymbolicWorld
+from cellwright.engine.pipelines.simulators import HiddenCell, Simulator
+from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
 from cellwright.kb.loader import load
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.model.plan_model import Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.store.journal import Journal, JournalLine
 from cellwright.kb.terms import Function
 
 LAMPS = 4
@@ -103,7 +102,7 @@ class Meter:
         self.steps, self.records, self.done = steps, 0, 0
         self.middle = self.last = 0.0
 
-    def __call__(self, record: Record) -> None:
+    def __call__(self, record: JournalRecord) -> None:
         self.records += 1
         if record.kind is RecordKind.DONE:
             self.done += 1
@@ -116,16 +115,16 @@ class Meter:
 def run(folder: Path, steps: int) -> dict[str, float]:
     """A run of many steps with its journal on the disk."""
     problem = problem_in(folder)
-    program = ready(problem, blinking(steps), None, 0)
+    program = compile_ready_plan(problem, blinking(steps), None, 0)
     meter = Meter(steps)
     with Journal(str(folder / "runs.db")) as journal:
         journal.begin("blink", "2026-01-01T00:00:00+00:00", {})
-        driver = Simulator(HiddenCell(problem, None), Settings())
-        recorder = Recorder(Ledger(journal, "blink"), driver.now_ms, [meter])
-        execution = Execution("blink", problem, driver, recorder, Timed())
-        recorder.note(RecordKind.RUN, **document(Wanted("blink"), problem))
+        driver = Simulator(HiddenCell(problem, None), SimulatorSettings())
+        recorder = Recorder(JournalLedger(journal, "blink"), driver.now_ms, [meter])
+        execution = RunExecution("blink", problem, driver, recorder, TimedOrders())
+        recorder.note(RecordKind.RUN, **run_document(RunRequest("blink"), problem))
         started, worked = time.perf_counter(), time.process_time()
-        ending = execution.start(program, SymbolicWorld.of(problem, situation_of(problem).state))
+        ending = execution.start(program, SymbolicWorld.of(problem, initial_situation(problem).state))
         seconds, work = time.perf_counter() - started, time.process_time() - worked
     assert ending.outcome == "reached", ending
     return {
@@ -144,7 +143,7 @@ def synced_one_by_one(folder: Path, records: int = 1_000) -> float:
         journal.begin("one", "2026-01-01T00:00:00+00:00", {})
         started = time.perf_counter()
         for number in range(1, records + 1):
-            journal.append("one", [Line(number, number, "goal", {"goal": "lit(lamp_1)"})])
+            journal.append("one", [JournalLine(number, number, "goal", {"goal": "lit(lamp_1)"})])
         return records / (time.perf_counter() - started)
 
 
@@ -164,7 +163,7 @@ def resumed(folder: Path) -> tuple[float, float]:
     problem = problem_in(folder)
     with Journal(str(folder / "runs.db")) as journal:
         started, worked = time.perf_counter(), time.process_time()
-        begun = Past(SymbolicWorld.of(problem, situation_of(problem).state), Scope(problem))
+        begun = PastRun(SymbolicWorld.of(problem, initial_situation(problem).state), RunScope(problem))
         past = past_of(journal, "blink", begun)
         _, standing = taken_up(past, lambda _stream: 1, past.at_ms)
         assert past.last == journal.last("blink")

@@ -24,20 +24,20 @@ from enum import StrEnum
 from pathlib import Path
 
 from cellwright.engine.kernels.cancellation import Interrupted, never
-from cellwright.engine.model.execution import Finish, Record, RecordKind
-from cellwright.engine.pipelines.execution import Execution, Timed
-from cellwright.engine.pipelines.execution.compiling import situation_of
-from cellwright.engine.pipelines.execution.planned import Ready, first
-from cellwright.engine.pipelines.execution.recorder import Recorder
-from cellwright.engine.pipelines.execution.records import read_atom
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.simulation import Dynamics, SymbolicWorld, WorldState
-from cellwright.engine.pipelines.simulator import HiddenCell, Injection, Simulator, possible
-from cellwright.engine.pipelines.simulator.driver import fault_base
-from cellwright.engine.pipelines.simulator.settings import Settings
-from cellwright.engine.pipelines.units import Kind, Unit, carried_out, crew_of
-from cellwright.kb.model.faults import FaultModel
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.model.run_protocol import Finish, JournalRecord, RecordKind
+from cellwright.engine.pipelines.execution import RunExecution, TimedOrders
+from cellwright.engine.pipelines.execution.compiled_program import initial_situation
+from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
+from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
+from cellwright.engine.pipelines.execution.run_journal import Recorder
+from cellwright.engine.pipelines.jobs import WorkKind, WorkUnit, carried_out, crew_of
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.recovery import Dynamics, SymbolicWorld, WorldState
+from cellwright.engine.pipelines.simulators import HiddenCell, Injection, Simulator, exceptions_of_cause
+from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
+from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
+from cellwright.kb.model.fault_model import FaultModel
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom
 
 TARGETS = ("themse/one", "bulkhead/twelve_points")
@@ -47,9 +47,9 @@ class Kept:
     """A journal in memory."""
 
     def __init__(self) -> None:
-        self.records: list[Record] = []
+        self.records: list[JournalRecord] = []
 
-    def append(self, records: Sequence[Record]) -> None:
+    def append(self, records: Sequence[JournalRecord]) -> None:
         """Append records."""
         self.records += records
 
@@ -75,15 +75,15 @@ class Setting:
 
     target: str
     problem: Problem
-    ready: Ready
+    ready: ReadyPlan
     base: FaultModel
 
     @classmethod
     def of(cls, target: str) -> "Setting":
         """The setting of a target."""
         problem = problem_of(target)
-        ready, base = first(problem), fault_base(problem)
-        assert isinstance(ready, Ready)
+        ready, base = first_plan(problem), fault_base(problem)
+        assert isinstance(ready, ReadyPlan)
         assert base is not None
         return cls(target, problem, ready, base)
 
@@ -93,7 +93,7 @@ class Setting:
             Injection(str(step), cause, 1, exception)
             for step in dict.fromkeys(each.operator for each in self.ready.plan.steps)
             for cause in self.base.causes
-            for exception in possible(self.base, step, cause)
+            for exception in exceptions_of_cause(self.base, step, cause)
         ]
 
     def uncovered(self) -> tuple[list[str], list[str]]:
@@ -106,9 +106,9 @@ class Setting:
     def run(self, faults: Sequence[Injection], seed: int) -> "Ran":
         """One run with faults."""
         cell = HiddenCell(self.problem, self.base, tuple(faults), seed)
-        driver, kept = Simulator(cell, Settings(seed)), Kept()
-        run = Execution("x", self.problem, driver, Recorder(kept, driver.now_ms), Timed(), self.base)
-        world = Watched.of(self.problem, situation_of(self.problem).state)
+        driver, kept = Simulator(cell, SimulatorSettings(seed)), Kept()
+        run = RunExecution("x", self.problem, driver, Recorder(kept, driver.now_ms), TimedOrders(), self.base)
+        world = Watched.of(self.problem, initial_situation(self.problem).state)
         world.dynamics = cell.dynamics
         return Ran(run.start(self.ready, world), kept, cell, world)
 
@@ -170,7 +170,7 @@ def second(
         Injection(action, cause, time, exception)
         for action, time in places
         for cause in setting.base.causes
-        for exception in possible(setting.base, read_atom(action), cause)
+        for exception in exceptions_of_cause(setting.base, read_ground_atom(action), cause)
     ]
     return [chance.choice(ways)] if ways else []
 
@@ -252,10 +252,10 @@ def row(setting: Setting, asked: argparse.Namespace, count: int | None, tally: T
     began, faults = time.perf_counter(), chosen(setting, asked, count)
     fresh = [each for each in faults.items() if each[0] not in tally.known]
     units = [
-        Unit(key, key, Sample(setting, asked.second, asked.faults, asked.seed, key, fault))
+        WorkUnit(key, key, Sample(setting, asked.second, asked.faults, asked.seed, key, fault))
         for key, fault in fresh
     ]
-    for unit, result in carried_out(Kind("faults", ran, lost), units, asked.crew, never):
+    for unit, result in carried_out(WorkKind("faults", ran, lost), units, asked.crew, never):
         if result[0] == "lost":
             raise SystemExit(result[1])
         tally.note(unit.name, result)

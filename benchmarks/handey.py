@@ -26,21 +26,27 @@ from handey_physics import pegs_by_arm, place_whole, three_fingers
 from handey_scenes import trial
 from rich.console import Console
 
-from cellwright.engine.kernels.rigid import apply, difference, turned
-from cellwright.engine.model.assembly import Assembled, Feature, FeatureKind, Relation, RelationKind
-from cellwright.engine.model.grasping import Regrasps
-from cellwright.engine.model.vision import Located
-from cellwright.engine.pipelines.placing.goals import goal_of
-from cellwright.engine.pipelines.placing.looking import look
-from cellwright.engine.pipelines.placing.site import Site
-from cellwright.engine.pipelines.placing.watching import watched
-from cellwright.engine.pipelines.placing.ways import most_vertical, possible
-from cellwright.engine.stages.assembly.relations import assemble
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.grasping.insertion import Insertion, Phase, Search
-from cellwright.engine.stages.grasping.regrasps import regrasps
-from cellwright.engine.stages.vision.hypotheses import Model
-from cellwright.engine.stages.vision.localisation import locate
+from cellwright.engine.kernels.rigid import apply, difference, rotation_by_vector
+from cellwright.engine.model.manipulation_values import (
+    Assembled,
+    FeatureKind,
+    PartFeature,
+    Regrasps,
+    Relation,
+    RelationKind,
+)
+from cellwright.engine.model.vision import LocatedPart
+from cellwright.engine.pipelines.manipulation.arm_monitoring import watch_events
+from cellwright.engine.pipelines.manipulation.place_operation import goal_of
+from cellwright.engine.pipelines.manipulation.regrasp_paths import most_vertical, possible_holds
+from cellwright.engine.pipelines.manipulation.scene_camera import look_for_parts
+from cellwright.engine.pipelines.manipulation.workspace import AssemblySite
+from cellwright.engine.stages.assembly.part_assembly import assemble_parts
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.engine.stages.grasping.hole_insertion import HoleSearch, Insertion, InsertionPhase
+from cellwright.engine.stages.grasping.stable_placements import shortest_regrasps
+from cellwright.engine.stages.vision.part_localisation import locate_in_image
+from cellwright.engine.stages.vision.pose_hypotheses import PartModel
 
 Figures = dict[str, Any]
 
@@ -51,8 +57,8 @@ def relations(number: int, first: int) -> Figures:
     for seed in range(first, first + number):
         random = np.random.default_rng(seed)
         T = np.eye(4)
-        T[:3, :3], T[:3, 3] = turned(random.normal(size=3)), random.uniform(-0.5, 0.5, 3)
-        found = assemble(_consistent(random, T), "b")
+        T[:3, :3], T[:3, 3] = rotation_by_vector(random.normal(size=3)), random.uniform(-0.5, 0.5, 3)
+        found = assemble_parts(_consistent(random, T), "b")
         apart = np.abs(found.poses["a"] - T).max() if isinstance(found, Assembled) else np.inf
         worst, wrong = max(worst, float(apart)), wrong + int(apart > 1e-9)
     return {"sets": number, "worst": worst, "wrong": wrong}
@@ -60,15 +66,15 @@ def relations(number: int, first: int) -> Figures:
 
 def _consistent(random: np.random.Generator, T: Any) -> list[Relation]:
     """Three faces against or in one plane with others, at a pose T_b_a."""
-    normals = turned(random.normal(size=3))
+    normals = rotation_by_vector(random.normal(size=3))
     made = []
     for n, normal in enumerate(normals):
         kind = RelationKind.AGAINST if random.random() < 0.5 else RelationKind.COPLANAR
-        own = Feature("a", f"f{n}", FeatureKind.PLANE, normal * random.uniform(-0.1, 0.1), normal)
+        own = PartFeature("a", f"f{n}", FeatureKind.PLANE, normal * random.uniform(-0.1, 0.1), normal)
         outward = T[:3, :3] @ normal
         at = apply(T, own.point[None])[0] + np.cross(outward, random.normal(size=3))
         sense = -outward if kind is RelationKind.AGAINST else outward
-        made.append(Relation(kind, own, Feature("b", f"g{n}", FeatureKind.PLANE, at, sense)))
+        made.append(Relation(kind, own, PartFeature("b", f"g{n}", FeatureKind.PLANE, at, sense)))
     return made
 
 
@@ -78,11 +84,11 @@ def localisation(number: int, first: int) -> Figures:
     times, wrong, missed, metres_all, radians_all = [], [], [], [], []
     for seed, present in product(range(first, first + number), (True, False)):
         made = trial(seed, present)
-        model = Model(made.part)
+        model = PartModel(made.part)
         started = time.process_time()
-        found = locate(model, made.image, made.ground)
+        found = locate_in_image(model, made.image, made.ground)
         times.append(time.process_time() - started)
-        if not isinstance(found, Located):
+        if not isinstance(found, LocatedPart):
             counts["not found, is there" if present else "not found, is not there"] += 1
             if present:
                 missed.append([seed, found.reason])
@@ -119,7 +125,7 @@ def sequences(number: int, first: int) -> Figures:
         holds, rests = random.integers(2, 8), random.integers(1, 5)
         start, goal = random.random((2, holds)) < 0.25
         possible = random.random((holds, rests)) < random.uniform(0.1, 0.5)
-        found, least = regrasps(start, goal, possible), _brute_force(start, goal, possible)
+        found, least = shortest_regrasps(start, goal, possible), _brute_force(start, goal, possible)
         mine = len(found.then) if isinstance(found, Regrasps) else None
         counts["impossible" if mine is None else f"{mine} regrasps"] += 1
         counts["wrong"] += int(mine != least)
@@ -146,14 +152,14 @@ def ablation(number: int, first: int) -> Figures:
     for seed in range(first, first + number):
         random = np.random.default_rng(seed)
         drawn = lying(random, str(random.choice(sorted(RESTS))))
-        world = World.of(drawn.cell)
+        world = GeometricWorld.of(drawn.cell)
         T = world.pose("world", "wheel")
-        looked = look(drawn, world, (), seed)
+        looked = look_for_parts(drawn, world, (), seed)
         goal = goal_of(drawn, world, ("wheel",), "base")
         assert isinstance(goal, Assembled)
         T_goal = world.pose("world", "base") @ goal.poses["wheel"]
-        task = Site.of(drawn, world, looked, {"wheel": T}).task("wheel", (T, T_goal))
-        start, end = possible(task, T), possible(task, T_goal)
+        task = AssemblySite.of(drawn, world, looked, {"wheel": T}).task("wheel", (T, T_goal))
+        start, end = possible_holds(task, T), possible_holds(task, T_goal)
         if start.any():
             best.append(not end[next(most_vertical(task, start))])
             shares.append(float((start & ~end).sum() / start.sum()))
@@ -171,7 +177,7 @@ def monitoring(number: int, first: int) -> Figures:
     for seed in range(first, first + number):
         made = script(seed)
         started = time.process_time()
-        warnings = [said for _, said in watched(made.state, made.events) if said is not None]
+        warnings = [said for _, said in watch_events(made.state, made.events) if said is not None]
         times.append((time.process_time() - started) / len(made.events))
         counts[f"{made.spoils or 'not spoilt'}: {'warned' if warnings else 'silent'}"] += 1
         counts["wrong"] += int(bool(warnings) != bool(made.spoils))
@@ -180,20 +186,20 @@ def monitoring(number: int, first: int) -> Figures:
 
 def pegs(number: int, first: int) -> Figures:
     """Pegs up to 1.5 mm beside holes that are 0.2 mm wider, with a search and without. Needs the extra `mujoco`."""
-    from cellwright.engine.pipelines.placing.inserting import Peg, tried
+    from cellwright.engine.pipelines.manipulation.peg_insertion import RoundPeg, simulate_insertion
 
-    peg, counts, forces = Peg(), Counter[str](), []
-    times: dict[str, list[float]] = {Search.SPIRAL.value: [], Search.TILT.value: []}
+    peg, counts, forces = RoundPeg(), Counter[str](), []
+    times: dict[str, list[float]] = {HoleSearch.SPIRAL.value: [], HoleSearch.TILT.value: []}
     for seed in range(first, first + number):
         random = np.random.default_rng(seed)
         angle, away, tilt = random.uniform(0, 2 * np.pi), random.uniform(0, 0.0015), random.normal(0, 0.002)
         error = away * np.array([np.cos(angle), np.sin(angle)])
-        for search in Search:
+        for search in HoleSearch:
             room = peg.clearance_m / 2
             plan = Insertion(peg.depth_m, room, 0.0015, search, peg.radius_m, peg.length_m)
-            found = tried(peg, plan, error, tilt)
-            counts[search.value] += int(found.phase is Phase.DONE)
-            if search is not Search.NONE:
+            found = simulate_insertion(peg, plan, error, tilt)
+            counts[search.value] += int(found.phase is InsertionPhase.DONE)
+            if search is not HoleSearch.NONE:
                 times[search.value].append(found.seconds)
                 forces.append(found.force_n)
     medians = {f"{search}_s": float(np.median(each)) for search, each in times.items()}

@@ -17,23 +17,21 @@ from handey_scenes import Trial, trial
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import difference, rotation, transform
-from cellwright.engine.model.assembly import Assembled
-from cellwright.engine.model.grasping import Grasp
-from cellwright.engine.model.solid import Solid
-from cellwright.engine.model.vision import Located
-from cellwright.engine.pipelines.placing.goals import goal_of
-from cellwright.engine.pipelines.placing.holding import TURNS, Holds, holds_of, jaws_of
-from cellwright.engine.pipelines.placing.looking import look
-from cellwright.engine.pipelines.placing.site import Site
-from cellwright.engine.pipelines.placing.task import Task
-from cellwright.engine.pipelines.placing.ways import possible
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.grasping.blocks import meet
-from cellwright.engine.stages.vision.hypotheses import Model
-from cellwright.engine.stages.vision.localisation import locate
-from cellwright.kb.loader.scene import load_scene
-from cellwright.kb.model.scene import Scene
-from cellwright.kb.targets import BUNDLED
+from cellwright.engine.model.geometry import Solid
+from cellwright.engine.model.manipulation_values import Assembled, Grasp
+from cellwright.engine.model.vision import LocatedPart
+from cellwright.engine.pipelines.manipulation.part_grasps import HOLD_TURNS, PartHolds, jaws_of, part_holds
+from cellwright.engine.pipelines.manipulation.place_operation import goal_of
+from cellwright.engine.pipelines.manipulation.regrasp_paths import possible_holds
+from cellwright.engine.pipelines.manipulation.scene_camera import look_for_parts
+from cellwright.engine.pipelines.manipulation.workspace import AssemblySite, PlaceTask
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.engine.stages.grasping.grasp_synthesis import blocks_meet
+from cellwright.engine.stages.vision.part_localisation import locate_in_image
+from cellwright.engine.stages.vision.pose_hypotheses import PartModel
+from cellwright.kb.loader.scene_file import load_scene
+from cellwright.kb.model.part_scene import Scene
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
 Figures = dict[str, Any]
 VOXEL_M, STRIDE = 0.003, 2
@@ -56,12 +54,12 @@ def _registration(number: int, first: int) -> Figures:
         for present in (True, False):
             made = trial(seed, present)
             started = time.process_time()
-            found = locate(Model(made.part), made.image, made.ground)
-            poses = found.equivalent if isinstance(found, Located) else ()
+            found = locate_in_image(PartModel(made.part), made.image, made.ground)
+            poses = found.equivalent if isinstance(found, LocatedPart) else ()
             ours.note(made, poses, 1.0 if poses else 0.0, time.process_time() - started)
             started = time.process_time()
             T, fitness = _registered(made, seed)
-            symmetries = Model(made.part).symmetries
+            symmetries = PartModel(made.part).symmetries
             theirs.note(made, [T @ S for S in symmetries], fitness, time.process_time() - started)
     return {"ours": ours.figures(0.5), "Open3D": theirs.figures(None)}
 
@@ -165,17 +163,17 @@ def _sampled(solid: Solid, count: int, random: np.random.Generator) -> tuple[Flo
 
 def _grasps(number: int, first: int) -> Figures:
     """In how many scenes some grasp serves both where the part lies and at its goal, and what finding all grasps takes."""
-    scene = load_scene(BUNDLED / "handey" / "scene.yaml")
+    scene = load_scene(BUNDLED_DOMAINS / "handey" / "scene.yaml")
     figures: dict[str, Figures] = {}
     for seed in range(first, first + number):
         task = _task(scene, seed)
         solid = task.holds.solid
         for name in ("ours", "antipodal samples"):
             started = time.process_time()
-            holds = holds_of(scene, solid) if name == "ours" else _antipodal(scene, solid, seed)
+            holds = part_holds(scene, solid) if name == "ours" else _antipodal(scene, solid, seed)
             seconds = time.process_time() - started
             own = replace(task, holds=holds)
-            both = possible(own, task.T_start) & possible(own, task.T_goal)
+            both = possible_holds(own, task.T_start) & possible_holds(own, task.T_goal)
             entry = figures.setdefault(
                 name, {"scenes": 0, "one grasp serves both ends": 0, "holds": [], "s": []}
             )
@@ -189,16 +187,18 @@ def _grasps(number: int, first: int) -> Figures:
     }
 
 
-def _task(scene: Scene, seed: int) -> Task:
+def _task(scene: Scene, seed: int) -> PlaceTask:
     drawn, T = drawn_scene(scene, "angle", seed)
-    world = World.of(drawn.cell)
+    world = GeometricWorld.of(drawn.cell)
     goal = goal_of(drawn, world, ("angle",), "base")
     assert isinstance(goal, Assembled)
     T_goal = world.pose("world", "base") @ goal.poses["angle"]
-    return Site.of(drawn, world, look(drawn, world, (), seed), {"angle": T}).task("angle", (T, T_goal))
+    return AssemblySite.of(drawn, world, look_for_parts(drawn, world, (), seed), {"angle": T}).task(
+        "angle", (T, T_goal)
+    )
 
 
-def _antipodal(scene: Scene, solid: Solid, seed: int) -> Holds:
+def _antipodal(scene: Scene, solid: Solid, seed: int) -> PartHolds:
     """Holds at sampled points whose lines lie in the friction cones of both sides, where the hand meets nothing of the part."""
     random, jaws = np.random.default_rng(seed), jaws_of(scene)
     found = []
@@ -216,12 +216,12 @@ def _antipodal(scene: Scene, solid: Solid, seed: int) -> Holds:
         start = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
         start /= np.linalg.norm(start)
         R = np.stack([x, np.cross(start, x), start], axis=1)
-        turn = rotation((1.0, 0.0, 0.0), np.arange(TURNS) * 2 * np.pi / TURNS)
-        T = transform(R @ turn, np.repeat((point + way * width / 2)[None], TURNS, axis=0))
-        free = ~meet(T, *jaws.blocks((width,)), solid.corners)
+        turn = rotation((1.0, 0.0, 0.0), np.arange(HOLD_TURNS) * 2 * np.pi / HOLD_TURNS)
+        T = transform(R @ turn, np.repeat((point + way * width / 2)[None], HOLD_TURNS, axis=0))
+        free = ~blocks_meet(T, *jaws.blocks((width,)), solid.corners)
         if free.any():
             found.append(Grasp(("", ""), width, T, free, 1.0))
-    return Holds(solid, jaws, tuple(found))
+    return PartHolds(solid, jaws, tuple(found))
 
 
 def _leaves(solid: Solid, start: Floats, way: Floats) -> tuple[float, Floats] | None:

@@ -11,17 +11,17 @@ from handey_scenes import separate
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import apply, difference, rotation, transform
-from cellwright.engine.pipelines.placing.answers import Placed
-from cellwright.engine.pipelines.placing.placing import place
+from cellwright.engine.pipelines.manipulation.place_answers import Placed
+from cellwright.engine.pipelines.manipulation.place_operation import place_part
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.shapes.solids import solid_of
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.grasping.insertion import Search
-from cellwright.engine.stages.grasping.placements import placements, volume_and_centre
-from cellwright.kb.loader.scene import load_scene
-from cellwright.kb.model.cell import Placement
-from cellwright.kb.model.scene import Scene
-from cellwright.kb.targets import BUNDLED
+from cellwright.engine.stages.geometry.shapes.facet_solids import solid_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.engine.stages.grasping.hole_insertion import HoleSearch
+from cellwright.engine.stages.grasping.stable_placements import stable_placements, volume_and_centre
+from cellwright.kb.loader.scene_file import load_scene
+from cellwright.kb.model.cell_model import Placement
+from cellwright.kb.model.part_scene import Scene
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
 Figures = dict[str, Any]
 NEAR_M = 0.003
@@ -31,13 +31,13 @@ UPRIGHT = 0.5  # of the parts lie as they are to be placed; the others on any si
 
 def place_whole(number: int, first: int, name: str = "scene.yaml") -> Figures:
     """The bundled scene with the part on a drawn side, in a drawn place, among drawn clutter: what comes of it, in seconds of the processor."""
-    scene = load_scene(BUNDLED / "handey" / name)
+    scene = load_scene(BUNDLED_DOMAINS / "handey" / name)
     counts: Counter[str] = Counter()
     times, off, odd = [], [], []
     for seed in range(first, first + number):
         drawn, T = drawn_scene(scene, "angle", seed)
         started = time.process_time()
-        found, _ = place(drawn, "angle", "base", seed)
+        found, _ = place_part(drawn, "angle", "base", seed)
         times.append(time.process_time() - started)
         if not isinstance(found, Placed):
             counts[f"stopped by {found.step}"] += 1
@@ -72,7 +72,7 @@ def drawn_scene(scene: Scene, part: str, seed: int) -> tuple[Scene, Floats]:
     random = np.random.default_rng(seed)
     bodies = dict(scene.cell.bodies)
     solid = solid_of(bodies[part])
-    lying = placements(solid, volume_and_centre(solid)[1])
+    lying = stable_placements(solid, volume_and_centre(solid)[1])
     outlines: list[Floats] = []
     found = {}
     for name in (part, *scene.clutter):
@@ -104,10 +104,10 @@ def _lowered(T: Floats, points: Floats) -> Floats:
 
 def _executed(scene: Scene, part: str, found: Placed) -> tuple[str, float]:
     """How physics carries out a plan (`done`: within 3 mm, and nothing else was touched), and how far the part then is from its goal."""
-    from cellwright.engine.pipelines.workshop.running import carried
-    from cellwright.engine.pipelines.workshop.shop import Workshop
+    from cellwright.engine.pipelines.manipulation.assembly_execution import execute_carries
+    from cellwright.engine.pipelines.manipulation.mujoco_cell import MujocoCell
 
-    done = carried(scene, part, found, Workshop(scene))
+    done = execute_carries(scene, part, found, MujocoCell(scene))
     if done.status != "reached":
         return str(done.went), done.off[0]
     if done.touched:
@@ -117,7 +117,7 @@ def _executed(scene: Scene, part: str, found: Placed) -> tuple[str, float]:
 
 
 PEGS = {"square": "peg.yaml", "round": "round_peg.yaml"}
-SEARCHES = {"square": (Search.NONE, Search.SPIRAL), "round": (Search.TILT,)}
+SEARCHES = {"square": (HoleSearch.NONE, HoleSearch.SPIRAL), "round": (HoleSearch.TILT,)}
 MOST_M, IN_M, DEEP_M = (
     0.0015,
     0.0005,
@@ -151,29 +151,29 @@ class _Held:
     """A peg in the hand, above where its hole is believed."""
 
     def __init__(self, kind: str) -> None:
-        from cellwright.engine.pipelines.workshop.carrying import Went, take_up
-        from cellwright.engine.pipelines.workshop.shop import Workshop
+        from cellwright.engine.pipelines.manipulation.carry_execution import CarryEnd, take_up
+        from cellwright.engine.pipelines.manipulation.mujoco_cell import MujocoCell
 
-        scene = load_scene(BUNDLED / "handey" / "scenes" / PEGS[kind])
+        scene = load_scene(BUNDLED_DOMAINS / "handey" / "scenes" / PEGS[kind])
         scene = replace(scene, hand=replace(scene.hand, accuracy_m=MOST_M / 3))
-        found, _ = place(scene, "peg", "block")
+        found, _ = place_part(scene, "peg", "block")
         assert isinstance(found, Placed)
         self.scene, self.goal, self.carry = scene, found.T_world_goal[:3, 3], found.carries[-1]
-        shop = Workshop(scene)
-        assert take_up(shop, "peg", self.carry) is Went.DONE
+        shop = MujocoCell(scene)
+        assert take_up(shop, "peg", self.carry) is CarryEnd.DONE
         self.then, self.q = shop.stage.data, shop.q
 
-    def inserted(self, search: Search, beside: Floats) -> tuple[str, float]:
+    def inserted(self, search: HoleSearch, beside: Floats) -> tuple[str, float]:
         """How a peg ends whose hole is beside where it is believed: `in`, or how it went; and after how many seconds."""
         import mujoco
 
-        from cellwright.engine.pipelines.workshop.carrying import put_down
-        from cellwright.engine.pipelines.workshop.shop import Workshop
+        from cellwright.engine.pipelines.manipulation.carry_execution import put_down
+        from cellwright.engine.pipelines.manipulation.mujoco_cell import MujocoCell
 
-        plan, moved = self.carry.insertion, World.of(self.scene.cell).pose("world", "block").copy()
+        plan, moved = self.carry.insertion, GeometricWorld.of(self.scene.cell).pose("world", "block").copy()
         assert plan is not None
         moved[:3, 3] += beside
-        shop = Workshop(self.scene, {"block": moved})
+        shop = MujocoCell(self.scene, {"block": moved})
         data = shop.stage.data
         for name in ("qpos", "qvel", "ctrl", "act", "qacc_warmstart"):
             getattr(data, name)[:] = getattr(self.then, name)

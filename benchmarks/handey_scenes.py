@@ -8,16 +8,16 @@ from scipy.spatial import ConvexHull
 
 from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import apply, rotation, transform, translation
-from cellwright.engine.model.solid import Solid
-from cellwright.engine.model.vision import Camera, DepthImage
-from cellwright.engine.stages.geometry.shapes.solids import solid, triangulated
-from cellwright.engine.stages.vision.images import Sensor, disturbed, rendered
-from cellwright.engine.stages.vision.localisation import Ground
+from cellwright.engine.model.geometry import Solid
+from cellwright.engine.model.vision import DepthCamera, DepthImage
+from cellwright.engine.stages.geometry.shapes.facet_solids import make_solid, triangulate_polygon
+from cellwright.engine.stages.vision.part_localisation import KnownScene
+from cellwright.engine.stages.vision.sensor_images import DepthSensor, disturb_image, render_depths
 
-CAMERA = Camera.viewing(640, 480, 0.6, 1.0)  # 1 m above the table
+CAMERA = DepthCamera.viewing(640, 480, 0.6, 1.0)  # 1 m above the table
 T_CAMERA_WORLD = transform(np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 1.0))
 FLOOR = np.array([0.0, 0.0, -1.0, -1.0])
-SENSOR = Sensor(0.001, 0.01)
+SENSOR = DepthSensor(0.001, 0.01)
 HIDDEN = 0.5  # at most, of what would be seen of the part alone
 LEANING = 0.3  # of the parts
 Polygon = list[tuple[float, float]]
@@ -29,13 +29,13 @@ def prism(name: str, polygon: Polygon, height: float) -> Solid:
     low = np.column_stack([flat, np.full(len(flat), -height / 2)])
     high = low + np.array([0.0, 0.0, height])
     up = np.array([0.0, 0.0, 1.0])
-    surfaces = [("top", triangulated(high, up)), ("bottom", triangulated(low[::-1], -up))]
+    surfaces = [("top", triangulate_polygon(high, up)), ("bottom", triangulate_polygon(low[::-1], -up))]
     for n in range(len(flat)):
         m = (n + 1) % len(flat)
         side = np.array([low[n], low[m], high[m], high[n]])
         normal = np.cross(side[1] - side[0], side[2] - side[1])
-        surfaces.append((f"side_{n + 1}", triangulated(side, normal / np.linalg.norm(normal))))
-    return solid(name, surfaces)
+        surfaces.append((f"side_{n + 1}", triangulate_polygon(side, normal / np.linalg.norm(normal))))
+    return make_solid(name, surfaces)
 
 
 def _block(r: Callable[[float, float], float]) -> tuple[Polygon, float]:
@@ -96,7 +96,7 @@ class Trial:
     """An image, what is known of it, the part to be found, and where it is (None: nowhere). `seen` is its visible share."""
 
     image: DepthImage
-    ground: Ground
+    ground: KnownScene
     part: Solid
     T_camera_part: Floats | None
     seen: float
@@ -108,7 +108,7 @@ def slab(x: float, y: float, z: float) -> Solid:
 
 
 TABLE = (slab(2.0, 2.0, 0.1), T_CAMERA_WORLD @ translation(0, 0, -0.05))
-EMPTY = rendered([TABLE], CAMERA)[0].depth
+EMPTY = render_depths([TABLE], CAMERA)[0].depth
 
 
 def trial(seed: int, present: bool = True) -> Trial:
@@ -120,21 +120,21 @@ def trial(seed: int, present: bool = True) -> Trial:
     if seen < 1 - HIDDEN:
         cover, seen = [], _seen(parts, [])
     things = [*parts[0 if present else 1 :], *cover]
-    image = disturbed(_view(things), SENSOR, seed)
+    image = disturb_image(_view(things), SENSOR, seed)
     known = np.abs(image.depth - EMPTY) < 4 * SENSOR.noise_m
     target, T = parts[0]
-    return Trial(image, Ground(known, (FLOOR,)), target, T_CAMERA_WORLD @ T if present else None, seen)
+    return Trial(image, KnownScene(known, (FLOOR,)), target, T_CAMERA_WORLD @ T if present else None, seen)
 
 
 def _view(things: list[tuple[Solid, Floats]]) -> DepthImage:
-    return rendered([TABLE, *((each, T_CAMERA_WORLD @ T) for each, T in things)], CAMERA)[0]
+    return render_depths([TABLE, *((each, T_CAMERA_WORLD @ T) for each, T in things)], CAMERA)[0]
 
 
 def _seen(parts: list[tuple[Solid, Floats]], cover: list[tuple[Solid, Floats]]) -> float:
     """The share of the first part's picture that other things leave."""
     placed = [(each, T_CAMERA_WORLD @ T) for each, T in [*parts, *cover]]
-    alone = (rendered(placed[:1], CAMERA)[1] == 0).sum()
-    return float((rendered(placed, CAMERA)[1] == 0).sum() / max(alone, 1))
+    alone = (render_depths(placed[:1], CAMERA)[1] == 0).sum()
+    return float((render_depths(placed, CAMERA)[1] == 0).sum() / max(alone, 1))
 
 
 def _laid(random: np.random.Generator) -> list[tuple[Solid, Floats]]:

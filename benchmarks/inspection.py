@@ -30,10 +30,10 @@ from benchmarks.inspection_job import carried_out
 from benchmarks.inspection_job import missed as jobs_missed
 from benchmarks.inspection_patches import patches as rendered
 from benchmarks.inspection_patches import summary
-from cellwright.engine.kernels.rigid import apply, transform, turned
-from cellwright.engine.model.fits import Cloud, Fit, Shape
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.fitting.surfaces import fitted
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, rotation_by_vector, transform
+from cellwright.engine.model.shape_fits import Cloud, Fit, FitShape
+from cellwright.engine.stages.fitting.shape_fit import fit_measured_shape
 
 NOISE_M, WRONG, STAND_OFF_M, SIDE, HALF_M = 5e-5, 0.1, 0.15, 20, 0.008
 STEPS = 200  # along a beam
@@ -59,16 +59,18 @@ def hit(surface: Surface, directions: Floats) -> Floats:
     return np.where((np.abs(off) < 1e-9) & (along < 0.2), along, np.nan)
 
 
-def surface_of(shape: Shape, random: np.random.Generator) -> tuple[Surface, dict[str, float]]:
+def surface_of(shape: FitShape, random: np.random.Generator) -> tuple[Surface, dict[str, float]]:
     """A signed distance whose surface passes near the origin, and the sizes that a fit should find."""
     radius, angle = random.uniform(0.006, 0.015), random.uniform(0.2, 0.6)
-    lean = turned(np.array([random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3), random.uniform(-3.0, 3.0)]))
+    lean = rotation_by_vector(
+        np.array([random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3), random.uniform(-3.0, 3.0)])
+    )
     middle = np.array([0.0, 0.0, -radius])
-    if shape is Shape.PLANE:
+    if shape is FitShape.PLANE:
         return (lambda p: (p @ lean)[:, 2]), {"tilt": 0.0}
-    if shape is Shape.SPHERE:
+    if shape is FitShape.SPHERE:
         return (lambda p: np.linalg.norm(p - middle, axis=1) - radius), {"radius": radius}
-    widening = angle if shape is Shape.CONE else 0.0
+    widening = angle if shape is FitShape.CONE else 0.0
 
     def round_body(p: Floats) -> Floats:
         q = (p - middle) @ lean
@@ -76,10 +78,10 @@ def surface_of(shape: Shape, random: np.random.Generator) -> tuple[Surface, dict
         found: Floats = (away - radius) * np.cos(widening) - q[:, 0] * np.sin(widening)
         return found
 
-    return round_body, {"angle": angle} if shape is Shape.CONE else {"radius": radius}
+    return round_body, {"angle": angle} if shape is FitShape.CONE else {"radius": radius}
 
 
-def patch(shape: Shape, random: np.random.Generator) -> tuple[Cloud, dict[str, float]]:
+def patch(shape: FitShape, random: np.random.Generator) -> tuple[Cloud, dict[str, float]]:
     """A measured patch of a surface, and the truth."""
     surface, truth = surface_of(shape, random)
     directions = beams()
@@ -94,7 +96,10 @@ def patch(shape: Shape, random: np.random.Generator) -> tuple[Cloud, dict[str, f
 
 def circle(random: np.random.Generator) -> tuple[Cloud, dict[str, float]]:
     """Points of the rim of a hole, with noise in every direction."""
-    radius, T = random.uniform(0.002, 0.02), transform(turned(random.normal(size=3)), random.normal(size=3))
+    radius, T = (
+        random.uniform(0.002, 0.02),
+        transform(rotation_by_vector(random.normal(size=3)), random.normal(size=3)),
+    )
     angle = random.uniform(0.0, 2 * np.pi, 80)
     points = apply(T, radius * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1))
     points += random.normal(0.0, NOISE_M, points.shape)
@@ -118,18 +123,18 @@ def patches(count: int, seed: int) -> dict[str, Any]:
     """The errors of many patches of each shape by their stated standard deviations."""
     told: dict[str, Any] = {}
     every: list[float] = []
-    for shape in Shape:
+    for shape in FitShape:
         random = np.random.default_rng([seed, ord(shape[0]), ord(shape[1])])
         off, refused, began = list[float](), 0, time.process_time()
-        for _ in range(count // len(Shape)):
-            cloud, truth = circle(random) if shape is Shape.CIRCLE else patch(shape, random)
-            found = fitted(shape, cloud)
+        for _ in range(count // len(FitShape)):
+            cloud, truth = circle(random) if shape is FitShape.CIRCLE else patch(shape, random)
+            found = fit_measured_shape(shape, cloud)
             if isinstance(found, Fit):
                 wrong, sigma = error(found, truth)
                 off.append(wrong / sigma)
             else:
                 refused += 1
-        spent = 1e3 * (time.process_time() - began) / max(1, count // len(Shape))
+        spent = 1e3 * (time.process_time() - began) / max(1, count // len(FitShape))
         every += off
         told[shape.value] = {**summary(off), "refused": refused, "ms": round(spent, 1)}
     told["all"] = summary(every)

@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.inspection_patches import summary
-from cellwright.engine.kernels.rigid import apply, difference, transform, turned
-from cellwright.engine.model.fits import Alignment, Datums
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.fitting.alignment import aligned, sure_enough
-from cellwright.engine.stages.fitting.looks import further_looks
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, difference, rotation_by_vector, transform
+from cellwright.engine.model.shape_fits import Alignment, Datums
+from cellwright.engine.stages.fitting.datum_alignment import (
+    align_by_datums,
+    count_further_looks,
+    require_precision,
+)
 
 DATUM_NOISE_M, DATUMS, SPOILT = 1e-4, 20, 2
 WITHIN_M, WITHIN_DEG = 5e-5, 0.02
@@ -35,7 +38,7 @@ def alignments(count: int, seed: int) -> dict[str, Any]:
     centres, turns = list[float](), list[float]()
     for _ in range(count):
         T, datums, spoilt = displaced(random)
-        found = aligned(datums)
+        found = align_by_datums(datums)
         if not isinstance(found, Alignment):
             told["refused"] += 1
             told["asked: refused"] += 1
@@ -49,7 +52,7 @@ def alignments(count: int, seed: int) -> dict[str, Any]:
         )
         turns.append(float(np.degrees(difference(found.T_measured_nominal, T)[1])))
         off += (gap[0] / np.sqrt(np.diag(found.covariance)[:3])).tolist()
-        if isinstance(sure_enough(found, farthest, WITHIN_M), Alignment):
+        if isinstance(require_precision(found, farthest, WITHIN_M), Alignment):
             metres = np.linalg.norm(apply(found.T_measured_nominal, centre) - apply(T, centre))
             turn = np.degrees(difference(found.T_measured_nominal, T)[1])
             right = metres <= WITHIN_M and turn <= WITHIN_DEG
@@ -82,7 +85,7 @@ class Looked:
         once = np.full(DATUMS, DATUM_NOISE_M)
         sums, counts = datums.measured.copy(), np.ones(DATUMS)
         for _ in range(LOOKS):
-            looks = further_looks(found, datums, once, PLACES, WITHIN_M, LOOKS - int(counts.max()))
+            looks = count_further_looks(found, datums, once, PLACES, WITHIN_M, LOOKS - int(counts.max()))
             if not looks:
                 break
             for number in (datums.names.index(name) for name in looks):
@@ -91,7 +94,7 @@ class Looked:
                 )
                 counts[number] += 1
             mean, sigma = sums / counts[:, None], once / np.sqrt(counts)
-            again = aligned(replace(datums, measured=mean, sigma_m=sigma))
+            again = align_by_datums(replace(datums, measured=mean, sigma_m=sigma))
             if not isinstance(again, Alignment):
                 looks = None
                 break
@@ -140,7 +143,7 @@ def displaced(random: np.random.Generator) -> tuple[Floats, Datums, list[int]]:
     """A displacement T (4, 4), datums measured after it, and the numbers of the wrong ones."""
     turn, shift = random.normal(size=3), random.normal(size=3)
     turn *= np.radians(random.uniform(0, 5)) / np.linalg.norm(turn)
-    T = transform(turned(turn), shift * random.uniform(0, 0.03) / np.linalg.norm(shift))
+    T = transform(rotation_by_vector(turn), shift * random.uniform(0, 0.03) / np.linalg.norm(shift))
     nominal = random.uniform([-2.5, -1.0, 0.0], [2.5, 1.0, 0.25], (DATUMS, 3))
     normals = np.eye(3)[np.arange(DATUMS) % 3] * random.choice([-1.0, 1.0], (DATUMS, 1))
     measured = apply(T, nominal) + random.normal(0.0, DATUM_NOISE_M, (DATUMS, 3))

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cellwright.kb.loader import bundled, load
+from cellwright.kb.loader import bundled_domains, load
 
 SIGMA = {"us_probe": 8.0, "slra": 50.0}  # micrometres
 THICK_UM, ZONES = 6350, {"thickness": 200, "profile": 1000}
@@ -38,7 +38,7 @@ class Job:
 
 def places(count: int) -> list[tuple[int, int, int]]:
     """The positions of some points of the bundled problem, spread over the whole part."""
-    thousand = load(bundled()["bulkhead"] / "large" / "thousand.yaml").problem
+    thousand = load(bundled_domains()["bulkhead"] / "large" / "thousand.yaml").problem
     assert thousand is not None
     found = [f.arguments[1:] for f in thousand.statics if f.name == "position"]
     each = [(int(str(x)), int(str(y)), int(str(z))) for x, y, z in found]
@@ -186,14 +186,15 @@ def qif_valid(store: Path, folder: Path, xsd: Path) -> str:
     """Whether the results as QIF are valid by the schema, and read back equal to those as JSON."""
     import xmlschema
 
-    from cellwright.engine.formats.interop.results import ResultForm, read
+    from cellwright.engine.formats.interop.results import ResultForm, read_results_text
 
     for form in ("qif", "json"):
         cellwright("results", "job", "--store", str(store), "-o", str(folder / f"job.{form}"))
     xmlschema.XMLSchema(str(xsd)).validate(str(folder / "job.qif"))
     texts = ((folder / f"job.{form}").read_text() for form in ("qif", "json"))
     one, other = (
-        read(text, form).measured for text, form in zip(texts, (ResultForm.QIF, ResultForm.JSON), strict=True)
+        read_results_text(text, form).measured
+        for text, form in zip(texts, (ResultForm.QIF, ResultForm.JSON), strict=True)
     )
     return "valid, read back equal" if one == other else "valid, but not read back equal"
 

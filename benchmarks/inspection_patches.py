@@ -18,22 +18,22 @@ import numpy as np
 
 from benchmarks.inspection_peers import Beside, Truth, beside, told
 from benchmarks.inspection_shapes import ball, holed, plate, turning
-from cellwright.engine.kernels.rigid import apply, inverse, transform, translation, turned
-from cellwright.engine.model.fits import Fit, Shape
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.ranging import RangeImage, Window
-from cellwright.engine.model.solid import Solid
-from cellwright.engine.pipelines.dimensions import Asked, dimensions
-from cellwright.engine.stages.fitting.between import between
-from cellwright.engine.stages.vision.ranging import expected, resolved, scanned
-from cellwright.kb.model.ranging import Ranging
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, inverse, rotation_by_vector, transform, translation
+from cellwright.engine.model.geometry import Solid
+from cellwright.engine.model.shape_fits import Fit, FitShape
+from cellwright.engine.model.vision import PixelWindow, RangeImage
+from cellwright.engine.pipelines.motion.image_dimensions import DimensionRequest, dimensions_in_image
+from cellwright.engine.stages.fitting.shape_relations import relate_fits
+from cellwright.engine.stages.vision.sensor_images import expected_ranges, resolve_ranges, scan_solids
+from cellwright.kb.model.cell_model import Ranging
 
 SIDE, AWAY_M, MISPLACED_M = 48, 0.15, 0.001
 TOOL = Ranging("laser", SIDE, SIDE, math.radians(7.3), 0.3, 5e-5, AWAY_M, 0.0027, 0.00027, dropouts=0.005)
-WHOLE = Window(0, 0, SIDE, SIDE)
-LEFT, RIGHT = Window(0, 0, SIDE // 2, SIDE), Window(SIDE // 2, 0, SIDE, SIDE)
+WHOLE = PixelWindow(0, 0, SIDE, SIDE)
+LEFT, RIGHT = PixelWindow(0, 0, SIDE // 2, SIDE), PixelWindow(SIDE // 2, 0, SIDE, SIDE)
 CLEAR = 8  # pixels that a patch keeps off an expected edge: the part lies elsewhere by some millimetres
-BEFORE, AFTER = Window(0, 0, SIDE // 2 - CLEAR, SIDE), Window(SIDE // 2 + CLEAR, 0, SIDE, SIDE)
+BEFORE, AFTER = PixelWindow(0, 0, SIDE // 2 - CLEAR, SIDE), PixelWindow(SIDE // 2 + CLEAR, 0, SIDE, SIDE)
 Placed = list[tuple[Solid, Floats]]
 Error = tuple[float, float]  # an error and its stated standard deviation
 
@@ -43,7 +43,7 @@ class Case:
     """A part before the tool, what is asked of its picture, and the errors of what was found, by dimension."""
 
     placed: Placed
-    asked: list[Asked]
+    asked: list[DimensionRequest]
     errors: Callable[[Mapping[str, Fit]], dict[str, Error]]
     truth: Truth = field(default_factory=dict)
 
@@ -51,7 +51,7 @@ class Case:
 def leaning(random: np.random.Generator, most: float = 0.3) -> Floats:
     """A pose (4, 4) in front of the tool, leaning and a little aside."""
     aside = random.uniform(-1.0, 1.0, 3) * [0.001, 0.001, 0.004]
-    return transform(turned(random.uniform(-most, most, 3)), aside + np.array([0.0, 0.0, AWAY_M]))
+    return transform(rotation_by_vector(random.uniform(-most, most, 3)), aside + np.array([0.0, 0.0, AWAY_M]))
 
 
 def plane_case(random: np.random.Generator) -> Case:
@@ -71,7 +71,7 @@ def plane_case(random: np.random.Generator) -> Case:
     def off(point: Floats, normal: Floats) -> float:
         return float(normal @ (point - T[:3, 3])) * float(np.sign(normal @ T[:3, 2]))
 
-    return Case([(plate(), T)], [Asked("a", Shape.PLANE, WHOLE)], errors, {"plane": off})
+    return Case([(plate(), T)], [DimensionRequest("a", FitShape.PLANE, WHOLE)], errors, {"plane": off})
 
 
 def size(name: str, truth: float, parameter: str) -> Callable[[Mapping[str, Fit]], dict[str, Error]]:
@@ -95,19 +95,23 @@ def sphere_case(random: np.random.Generator) -> Case:
         local = apply(inverse(found["a"].T_world_shape), T[:3, 3][None])[0]
         return {**diameter(found), "position of a sphere": (float(local[0]), found["a"].deviation("x"))}
 
-    return Case([(ball(radius), T)], [Asked("a", Shape.SPHERE, WHOLE)], errors)
+    return Case([(ball(radius), T)], [DimensionRequest("a", FitShape.SPHERE, WHOLE)], errors)
 
 
-def round_case(random: np.random.Generator, shape: Shape) -> Case:
+def round_case(random: np.random.Generator, shape: FitShape) -> Case:
     """How wide a cylinder is, or how fast a cone widens."""
     radius = random.uniform(0.006, 0.012)
-    angle = random.uniform(0.2, 0.5) if shape is Shape.CONE else 0.0
-    lying = transform(turned(np.array([0.0, -np.pi / 2, 0.0])), (0.0, 0.0, radius))
-    T = leaning(random, 0.2) @ lying @ transform(turned(np.array([0.0, angle, 0.0])), (0.0, 0.0, 0.0))
+    angle = random.uniform(0.2, 0.5) if shape is FitShape.CONE else 0.0
+    lying = transform(rotation_by_vector(np.array([0.0, -np.pi / 2, 0.0])), (0.0, 0.0, radius))
+    T = (
+        leaning(random, 0.2)
+        @ lying
+        @ transform(rotation_by_vector(np.array([0.0, angle, 0.0])), (0.0, 0.0, 0.0))
+    )
     parameter, told = ("angle", "angle of a cone") if angle else ("radius", "diameter of a cylinder")
     return Case(
         [(turning(radius, angle), T)],
-        [Asked("a", shape, WHOLE)],
+        [DimensionRequest("a", shape, WHOLE)],
         size(told, angle if angle else radius, parameter),
     )
 
@@ -128,7 +132,7 @@ def hole_case(random: np.random.Generator) -> Case:
             "position of a hole": (float(local[side]), found["a"].deviation("xy"[side])),
         }
 
-    return Case(placed, [Asked("a", Shape.CIRCLE, WHOLE)], errors, {"radius": radius})
+    return Case(placed, [DimensionRequest("a", FitShape.CIRCLE, WHOLE)], errors, {"radius": radius})
 
 
 def step_case(random: np.random.Generator) -> Case:
@@ -138,10 +142,10 @@ def step_case(random: np.random.Generator) -> Case:
     high = T @ translation(-0.05, 0, 0)
 
     def errors(found: Mapping[str, Fit]) -> dict[str, Error]:
-        told = between(found["a"], found["b"])[0]
+        told = relate_fits(found["a"], found["b"])[0]
         return {"height of a step": (told.value - height, told.sigma)}
 
-    asked = [Asked("a", Shape.PLANE, BEFORE), Asked("b", Shape.PLANE, AFTER)]
+    asked = [DimensionRequest("a", FitShape.PLANE, BEFORE), DimensionRequest("b", FitShape.PLANE, AFTER)]
     return Case([(plate(0.05, 0.05), high), (plate(0.05, 0.05), low)], asked, errors)
 
 
@@ -150,14 +154,18 @@ def turn_case(random: np.random.Generator) -> Case:
     half, T = random.uniform(0.1, 0.4) * random.choice([-1.0, 1.0]), leaning(random, 0.2)
     sides = []
     for side in (-1.0, 1.0):
-        about = transform(turned(np.array([0.0, side * half, 0.0])), (0.0, 0.0, 0.0))
+        about = transform(rotation_by_vector(np.array([0.0, side * half, 0.0])), (0.0, 0.0, 0.0))
         sides.append((plate(0.02, 0.05), T @ about @ translation(side * 0.02, 0, 0)))
 
     def errors(found: Mapping[str, Fit]) -> dict[str, Error]:
-        told = next(each for each in between(found["a"], found["b"]) if each.what == "angle")
+        told = next(each for each in relate_fits(found["a"], found["b"]) if each.what == "angle")
         return {"angle between planes": (told.value - 2 * abs(half), told.sigma)}
 
-    return Case(sides, [Asked("a", Shape.PLANE, BEFORE), Asked("b", Shape.PLANE, AFTER)], errors)
+    return Case(
+        sides,
+        [DimensionRequest("a", FitShape.PLANE, BEFORE), DimensionRequest("b", FitShape.PLANE, AFTER)],
+        errors,
+    )
 
 
 def balls_case(random: np.random.Generator) -> Case:
@@ -168,17 +176,21 @@ def balls_case(random: np.random.Generator) -> Case:
     apart = float(np.linalg.norm(centres[0] - centres[1]))
 
     def errors(found: Mapping[str, Fit]) -> dict[str, Error]:
-        told = between(found["a"], found["b"])[0]
+        told = relate_fits(found["a"], found["b"])[0]
         return {"distance of two spheres": (told.value - apart, told.sigma)}
 
-    return Case(placed, [Asked("a", Shape.SPHERE, LEFT), Asked("b", Shape.SPHERE, RIGHT)], errors)
+    return Case(
+        placed,
+        [DimensionRequest("a", FitShape.SPHERE, LEFT), DimensionRequest("b", FitShape.SPHERE, RIGHT)],
+        errors,
+    )
 
 
 CASES: dict[str, Callable[[np.random.Generator], Case]] = {
     "plane": plane_case,
     "sphere": sphere_case,
-    "cylinder": lambda random: round_case(random, Shape.CYLINDER),
-    "cone": lambda random: round_case(random, Shape.CONE),
+    "cylinder": lambda random: round_case(random, FitShape.CYLINDER),
+    "cone": lambda random: round_case(random, FitShape.CONE),
     "hole": hole_case,
     "step": step_case,
     "turn": turn_case,
@@ -189,9 +201,11 @@ CASES: dict[str, Callable[[np.random.Generator], Case]] = {
 def pictured(case: Case, random: np.random.Generator) -> RangeImage:
     """The resolved image of a case, whose part lies elsewhere than expected."""
     off = translation(*random.normal(0.0, MISPLACED_M, 3))
-    finer = 9 if any(each.shape is Shape.CIRCLE for each in case.asked) else 5
-    scan = scanned(case.placed, TOOL, int(random.integers(2**31)), finer)
-    found = resolved(scan, expected([(each, off @ T) for each, T in case.placed], TOOL), 2 * MISPLACED_M)
+    finer = 9 if any(each.shape is FitShape.CIRCLE for each in case.asked) else 5
+    scan = scan_solids(case.placed, TOOL, int(random.integers(2**31)), finer)
+    found = resolve_ranges(
+        scan, expected_ranges([(each, off @ T) for each, T in case.placed], TOOL), 2 * MISPLACED_M
+    )
     assert isinstance(found, RangeImage)
     return found
 
@@ -211,7 +225,7 @@ def one(name: str, number: int, seed: int) -> One:
     random = np.random.default_rng([seed, list(CASES).index(name), number])
     case = CASES[name](random)
     image = pictured(case, random)
-    found = dimensions(image, case.asked)
+    found = dimensions_in_image(image, case.asked)
     fits = {key: each for key, each in found.fits.items() if isinstance(each, Fit)}
     errors = case.errors(fits) if len(fits) == len(found.fits) else None
     spent = 1e3 * (time.process_time() - began)

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import apply, inverse
-from cellwright.engine.model.fits import Fit, Shape
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.ranging import RangeImage
-from cellwright.engine.pipelines.dimensions import Asked, Dimensions
-from cellwright.engine.stages.vision.patches import cloud_of
-from cellwright.engine.stages.vision.rims import rim_of
+from cellwright.engine.model.shape_fits import Fit, FitShape
+from cellwright.engine.model.vision import RangeImage
+from cellwright.engine.pipelines.motion.image_dimensions import DimensionRequest, Dimensions
+from cellwright.engine.stages.vision.range_patches import cloud_of
+from cellwright.engine.stages.vision.surface_rims import find_rim
 
 AGREES, TRIALS = 3.5, 300
 NAMES = {"open3d": "Open3D", "skimage": "scikit-image"}
@@ -38,20 +38,22 @@ class Beside(NamedTuple):
 Truth = Mapping[str, Callable[[Floats, Floats], float] | float]
 
 
-def beside(image: RangeImage, asked: list[Asked], found: Dimensions, truth: Truth) -> list[Beside]:
+def beside(image: RangeImage, asked: list[DimensionRequest], found: Dimensions, truth: Truth) -> list[Beside]:
     """What peers find in the same patches. `truth` has `plane`, the distance of a plane (point, normal) from where it is, or `radius`."""
     (only,) = asked[:1]
     fit = found.fits[only.name]
     if not isinstance(fit, Fit):
         return []
-    if only.shape is Shape.PLANE and "plane" in truth and find_spec("open3d"):
+    if only.shape is FitShape.PLANE and "plane" in truth and find_spec("open3d"):
         return list(_plane(image, only, found, fit, truth["plane"]))
-    if only.shape is Shape.CIRCLE and "radius" in truth and find_spec("skimage"):
+    if only.shape is FitShape.CIRCLE and "radius" in truth and find_spec("skimage"):
         return list(_circle(image, only, fit, truth["radius"]))
     return []
 
 
-def _plane(image: RangeImage, asked: Asked, found: Dimensions, fit: Fit, off: Any) -> Iterator[Beside]:
+def _plane(
+    image: RangeImage, asked: DimensionRequest, found: Dimensions, fit: Fit, off: Any
+) -> Iterator[Beside]:
     import open3d
 
     cloud = cloud_of(image, found.edges, asked.window)
@@ -66,10 +68,10 @@ def _plane(image: RangeImage, asked: Asked, found: Dimensions, fit: Fit, off: An
     yield Beside("position of a plane", NAMES["open3d"], off(fit.origin, fit.axis), off(at, normal), spent)
 
 
-def _circle(image: RangeImage, asked: Asked, fit: Fit, radius: Any) -> Iterator[Beside]:
+def _circle(image: RangeImage, asked: DimensionRequest, fit: Fit, radius: Any) -> Iterator[Beside]:
     from skimage.measure import CircleModel, ransac
 
-    rim = rim_of(image, fit.axis, float(fit.axis @ fit.origin), asked.window)
+    rim = find_rim(image, fit.axis, float(fit.axis @ fit.origin), asked.window)
     if rim is None:
         return
     flat = apply(inverse(fit.T_world_shape), rim.cloud.points)[:, :2]

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.solid import Solid
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.geometry import Solid
 
 
 def surface(corners: Floats) -> Solid:

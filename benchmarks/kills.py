@@ -23,20 +23,20 @@ from pathlib import Path
 
 from mishaps import Setting
 
-from cellwright.engine.model.execution import Command, Record
-from cellwright.engine.pipelines.controllers.serving import serve
-from cellwright.engine.pipelines.execution import Timed, Wanted, named, resume
-from cellwright.engine.pipelines.execution.begin import Ledger
-from cellwright.engine.pipelines.execution.planned import Ready, first
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.plugins import driver
+from cellwright.engine.model.run_protocol import DriverCommand, JournalRecord
+from cellwright.engine.pipelines.execution import RunRequest, TimedOrders, name_run, resume_run
+from cellwright.engine.pipelines.execution.controllers.reference_controller import serve_controller
+from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
+from cellwright.engine.pipelines.execution.run_start import JournalLedger
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.plugins import make_driver
 from cellwright.engine.ports import DriverSetup
 from cellwright.kb.store.journal import Journal
 
 WHEN = ("before", "written", "sent")
 
 
-class Deadly(Ledger):
+class Deadly(JournalLedger):
     """A journal that kills its process at a record, before or behind its group. It keeps where each group ends."""
 
     def __init__(self, journal: Journal, run: str, record: int = 0, when: str = "") -> None:
@@ -47,7 +47,7 @@ class Deadly(Ledger):
         """Whether the record is written."""
         return bool(self.ends) and self.ends[-1] >= self.record > 0
 
-    def append(self, records: Sequence[Record]) -> None:
+    def append(self, records: Sequence[JournalRecord]) -> None:
         """Append records, or die."""
         if self.when == "before" and records[-1].number >= self.record:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -78,7 +78,7 @@ def served(setting: Setting, log: Path) -> Iterator[str]:
 
     def work() -> None:
         os.dup2(tell, 2)
-        serve(DriverSetup(setting.problem, "", 0, 0.0, options), "127.0.0.1", 0)
+        serve_controller(DriverSetup(setting.problem, "", 0, 0.0, options), "127.0.0.1", 0)
 
     child = forked(work)
     os.close(tell)
@@ -90,14 +90,14 @@ def served(setting: Setting, log: Path) -> Iterator[str]:
             os.waitpid(child, 0)
 
 
-def run(setting: Setting, wanted: Wanted, record: int = 0, when: str = "") -> list[int]:
+def run(setting: Setting, wanted: RunRequest, record: int = 0, when: str = "") -> list[int]:
     """A run over TCP that may die at a record; else the last numbers of its groups."""
     with Journal(wanted.store) as journal:
         setup = DriverSetup(setting.problem, wanted.run, 0, 0.0, dict(wanted.options))
-        made, ledger = driver("external", setup), Deadly(journal, wanted.run, record, when)
+        made, ledger = make_driver("external", setup), Deadly(journal, wanted.run, record, when)
         send = made.send
 
-        def sent(commands: Sequence[Command]) -> None:
+        def sent(commands: Sequence[DriverCommand]) -> None:
             send(commands)
             if when == "sent" and ledger.reached():
                 os.kill(os.getpid(), signal.SIGKILL)
@@ -108,10 +108,12 @@ def run(setting: Setting, wanted: Wanted, record: int = 0, when: str = "") -> li
         return ledger.ends
 
 
-def wanted_in(setting: Setting, folder: Path, address: str) -> Wanted:
+def wanted_in(setting: Setting, folder: Path, address: str) -> RunRequest:
     """A run with its journal in a folder."""
     store, options = str(folder / "runs.db"), {"address": address}
-    return named(Wanted(setting.target, driver="external", store=store, options=options), setting.problem)
+    return name_run(
+        RunRequest(setting.target, driver="external", store=store, options=options), setting.problem
+    )
 
 
 def trial(setting: Setting, record: int, when: str, goals: list[str]) -> tuple[bool, str]:
@@ -126,7 +128,7 @@ def trial(setting: Setting, record: int, when: str, goals: list[str]) -> tuple[b
             outcome = folder / "outcome.json"
 
             def again() -> None:
-                ending = resume(wanted.store, wanted.run, Timed())
+                ending = resume_run(wanted.store, wanted.run, TimedOrders())
                 outcome.write_text(json.dumps([ending.outcome, ending.why, sorted(ending.goals)]), "utf-8")
 
             if not over(wanted):
@@ -139,7 +141,7 @@ def trial(setting: Setting, record: int, when: str, goals: list[str]) -> tuple[b
             return True, twice_in(folder / "cell.log")
 
 
-def over(wanted: Wanted) -> bool:
+def over(wanted: RunRequest) -> bool:
     """Whether the journal tells of the end of the run."""
     with Journal(wanted.store) as journal:
         return bool(journal.last(wanted.run, "end"))
@@ -180,8 +182,8 @@ def main() -> int:
     kept = asked.json is not None and asked.json.is_file()
     passed = set(json.loads(asked.json.read_text("utf-8"))) if kept else set[str]()
     problem = problem_of(asked.target)
-    ready = first(problem)
-    assert isinstance(ready, Ready), ready
+    ready = first_plan(problem)
+    assert isinstance(ready, ReadyPlan), ready
     setting = Setting(asked.target, asked.fault, problem, ready)
     ends, goals = unharmed(setting)
     print(f"{ends[-1]} records in {len(ends)} groups, {len(goals)} goals", flush=True)

@@ -21,10 +21,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, wrapped
-from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
-from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel, wrap_angles
+from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics
+from cellwright.kb.loader.arm_file import bundled_arms, load_arm
 
 ONE_AT_A_TIME = 2000
 RESIDUAL_BAR, NEAR = 1e-9, 1e-6
@@ -48,7 +48,7 @@ def judged(model: ArmModel, q: Floats, answers: list[Floats]) -> tuple[float, in
     for pose, one, found in zip(poses, q, answers, strict=True):
         if len(found):
             worst = max(worst, float(np.abs(model.flange_pose(found) - pose).max()))
-        near = len(found) and np.abs(wrapped(found - one)).max(axis=1).min() < NEAR
+        near = len(found) and np.abs(wrap_angles(found - one)).max(axis=1).min() < NEAR
         missed += not near
     return worst, missed
 

@@ -151,7 +151,7 @@ def _large() -> str:
 
 
 def _exception() -> str:
-    from cellwright.kb.loader.faults import load_faults
+    from cellwright.kb.loader.fault_base import load_faults
 
     model = load_faults(Path(__file__).parents[1] / "domains" / "themse" / "domain.yaml")[0]
     assert model is not None

@@ -30,17 +30,16 @@ from rich.progress import track
 from rich.table import Table
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.reuse import Practice
-from cellwright.engine.stages.macros.learning.generalise import generalise
-from cellwright.engine.stages.macros.lifted.situation import Situation
-from cellwright.engine.stages.macros.lifted.world import CellDomain
-from cellwright.engine.stages.macros.lookup.lookup import Hit
-from cellwright.engine.stages.macros.lookup.query import query
-from cellwright.engine.stages.macros.lookup.repertoire import Repertoire, record_of
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.macros import LibraryPlanner
+from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
+from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
+from cellwright.engine.stages.macros.lookup.macro_lookup import LookupHit
+from cellwright.engine.stages.macros.lookup.macro_query import make_query
+from cellwright.engine.stages.macros.lookup.macro_repertoire import Repertoire, macro_record
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.model.conditions import And, Literal
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library, loads
 from cellwright.kb.store import dumps as written
 
@@ -55,7 +54,7 @@ def lessons(days: list[Day]) -> list[str]:
     found = []
     for day in days:
         posed = dataclasses.replace(problem, goal=day.goals(), initial=day.initial(), complete=True)
-        found.append(written(generalise(posed, day.plan(), world, frozenset(day.initial())).macrop))
+        found.append(written(generalise_plan(posed, day.plan(), world, frozenset(day.initial())).macrop))
     return found
 
 
@@ -64,7 +63,7 @@ def fill(target: Path, days: list[Day], wanted: int) -> None:
     batches = [days[start : start + BATCH] for start in range(0, len(days), BATCH)]
     with Library(str(target)) as library, ProcessPoolExecutor(2) as pool:
         for documents in track(pool.map(lessons, batches), "learning", len(batches), transient=True):
-            library.add([record_of(loads(text), 1.0) for text in documents])
+            library.add([macro_record(loads(text), 1.0) for text in documents])
             if library.figures().macrops >= wanted:
                 pool.shutdown(cancel_futures=True)
                 break
@@ -103,10 +102,10 @@ class Bench:
         return posed, Situation.of(self.world, day.initial())
 
 
-def timed(repertoire: Repertoire, problem: Problem, here: Situation) -> tuple[float, Hit | None]:
+def timed(repertoire: Repertoire, problem: Problem, here: Situation) -> tuple[float, LookupHit | None]:
     """Seconds of the processor from a loaded problem to a checked plan, and the plan."""
     started = time.process_time()
-    asked = query(problem, here)
+    asked = make_query(problem, here)
     assert asked is not None
     hit = repertoire.find(asked)
     return time.process_time() - started, hit
@@ -125,7 +124,7 @@ def lookup(bench: Bench, library: Path, days: list[Day], most: int) -> None:
         "each another day": [bench.posed(again(day, draw, points)) for day in days[:most:10]],
     }
     with Library(str(library)) as whole:
-        stored = [record_of(each.macrop) for each in whole.all()[:most]]
+        stored = [macro_record(each.macrop) for each in whole.all()[:most]]
     for size in sorted({100, min(1000, len(stored)), len(stored)}):
         with tempfile.TemporaryDirectory() as folder, Library(f"{folder}/part.db") as part:
             started = time.process_time()
@@ -155,10 +154,10 @@ def _figure_4() -> Day:
     return Day("contact", 1, PROBE, (2,))
 
 
-def _agrees(problems: list[tuple[Problem, Situation]], hits: tuple[Hit | None, ...]) -> None:
+def _agrees(problems: list[tuple[Problem, Situation]], hits: tuple[LookupHit | None, ...]) -> None:
     """The independent checker has nothing against some of the plans; it is too slow for all of them here."""
     for (problem, _), hit in zip(problems, hits, strict=True):
-        assert hit is None or validate(problem, hit.plan) == []
+        assert hit is None or validate_plan(problem, hit.plan) == []
 
 
 def sequence(bench: Bench, cold: bool) -> dict[str, Any]:
@@ -167,7 +166,7 @@ def sequence(bench: Bench, cold: bool) -> dict[str, Any]:
     order = random.Random(SEED).sample(range(2, points + 1), points - 1)
     with tempfile.TemporaryDirectory() as folder, Library(f"{folder}/days.db") as library:
         learned = 0 if cold else _learn_small(library)
-        with Practice(library) as practice:
+        with LibraryPlanner(library) as practice:
             here = practice.situation(bench.problem)
             started, times, origins = time.perf_counter(), [], []
             for point in order:
@@ -187,7 +186,7 @@ def sequence(bench: Bench, cold: bool) -> dict[str, Any]:
 def _learn_small(library: Library) -> int:
     """Learn on a bulkhead of six points what a day needs; how often the planner was asked."""
     small = cell(6)
-    with Practice(library) as practice:
+    with LibraryPlanner(library) as practice:
         here = practice.situation(small)
         asked = 0
         for point in (2, 3, 6, 1, 4, 3, 2):
@@ -203,7 +202,7 @@ def _learn_small(library: Library) -> int:
 def from_scratch(bench: Bench) -> dict[str, Any]:
     """One point planned from scratch, grounding and checking included."""
     started = time.perf_counter()
-    outcome = planning.plan(bench.problem)
+    outcome = checked_plan.plan_problem(bench.problem)
     assert isinstance(outcome, Found)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return {"seconds": time.perf_counter() - started, "peak_gib": peak, "steps": len(outcome.plan.steps)}

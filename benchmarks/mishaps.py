@@ -26,20 +26,20 @@ from pathlib import Path
 
 from controllers import Manners, Server, ahead, at_reply, later
 
-from cellwright.engine.model.execution import Finish, Record, RecordKind
-from cellwright.engine.pipelines.controllers import ControllerDriver
-from cellwright.engine.pipelines.controllers.link import Patience
-from cellwright.engine.pipelines.execution import Execution, Timed, Wanted, named, resume
-from cellwright.engine.pipelines.execution.begin import Ledger, document
-from cellwright.engine.pipelines.execution.compiling import situation_of
-from cellwright.engine.pipelines.execution.planned import Ready, first
-from cellwright.engine.pipelines.execution.recorder import Recorder
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.simulation import SymbolicWorld
-from cellwright.engine.pipelines.simulator import fault_base, simulator
+from cellwright.engine.model.run_protocol import Finish, JournalRecord, RecordKind
+from cellwright.engine.pipelines.execution import RunExecution, RunRequest, TimedOrders, name_run, resume_run
+from cellwright.engine.pipelines.execution.compiled_program import initial_situation
+from cellwright.engine.pipelines.execution.controllers import ControllerDriver
+from cellwright.engine.pipelines.execution.controllers.link import Patience
+from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
+from cellwright.engine.pipelines.execution.run_journal import Recorder
+from cellwright.engine.pipelines.execution.run_start import JournalLedger, run_document
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.recovery import SymbolicWorld
+from cellwright.engine.pipelines.simulators import fault_base, simulated_driver
 from cellwright.engine.ports import Driver, DriverSetup
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store.journal import Journal
 
 HURRY = Patience(5, 2, 0.2, 1.5)
@@ -57,28 +57,32 @@ class Setting:
     target: str
     fault: str
     problem: Problem
-    ready: Ready
+    ready: ReadyPlan
 
-    def wanted(self, folder: Path) -> Wanted:
+    def wanted(self, folder: Path) -> RunRequest:
         """A run with its journal and the log of its cell in a folder."""
         options = {"log": str(folder / "cell.log"), **({"fault": self.fault} if self.fault else {})}
-        return named(Wanted(self.target, store=str(folder / "runs.db"), options=options), self.problem)
+        return name_run(RunRequest(self.target, store=str(folder / "runs.db"), options=options), self.problem)
 
-    def run(self, wanted: Wanted, driver: Driver, ledger: Ledger, records: list[Record]) -> Finish:
+    def run(
+        self, wanted: RunRequest, driver: Driver, ledger: JournalLedger, records: list[JournalRecord]
+    ) -> Finish:
         """A run from its beginning."""
         recorder = Recorder(ledger, driver.now_ms, [records.append])
-        recorder.note(RecordKind.RUN, **document(wanted, self.problem))
+        recorder.note(RecordKind.RUN, **run_document(wanted, self.problem))
         base = fault_base(self.problem)
-        execution = Execution(wanted.run, self.problem, driver, recorder, Timed(), base)
-        return execution.start(self.ready, SymbolicWorld.of(self.problem, situation_of(self.problem).state))
+        execution = RunExecution(wanted.run, self.problem, driver, recorder, TimedOrders(), base)
+        return execution.start(
+            self.ready, SymbolicWorld.of(self.problem, initial_situation(self.problem).state)
+        )
 
-    def setup(self, wanted: Wanted) -> DriverSetup:
+    def setup(self, wanted: RunRequest) -> DriverSetup:
         """What the cell of a run is made for."""
         return DriverSetup(self.problem, wanted.run, 0, 0.0, dict(wanted.options))
 
 
 @dataclass
-class Cut(Ledger):
+class Cut(JournalLedger):
     """A journal whose process is gone behind a group: all is copied as the disk has it, and cut behind the last sync."""
 
     journal: Journal
@@ -90,7 +94,7 @@ class Cut(Ledger):
     acknowledged: int = 0
     count: int = field(default=0)
 
-    def append(self, records: Sequence[Record]) -> None:
+    def append(self, records: Sequence[JournalRecord]) -> None:
         """Append records; those of the last group are never acknowledged."""
         super().append(records)
         self.count += 1
@@ -108,7 +112,7 @@ class Cut(Ledger):
 def power(setting: Setting, times: int, seed: int) -> Iterator[tuple[str, str]]:
     """What came of each loss of power, and what is wrong."""
     with tempfile.TemporaryDirectory() as name:
-        whole, counted = Path(name), list[Record]()
+        whole, counted = Path(name), list[JournalRecord]()
         groups = _groups(setting, whole, counted)
     for number in range(times):
         chance = random.Random(f"{seed} power {number}")
@@ -118,7 +122,7 @@ def power(setting: Setting, times: int, seed: int) -> Iterator[tuple[str, str]]:
             wanted, group = setting.wanted(folder), chance.randrange(1, groups)
             with Journal(wanted.store) as journal:
                 driver, cut = (
-                    simulator(setting.setup(wanted)),
+                    simulated_driver(setting.setup(wanted)),
                     Cut(journal, wanted.run, group, chance, after),
                 )
                 with suppress(Gone):
@@ -133,18 +137,18 @@ def power(setting: Setting, times: int, seed: int) -> Iterator[tuple[str, str]]:
                 yield _again(store, wanted.run, folder / "cell.log")
 
 
-def _groups(setting: Setting, folder: Path, records: list[Record]) -> int:
+def _groups(setting: Setting, folder: Path, records: list[JournalRecord]) -> int:
     """How many groups of records a run has that nothing happens to."""
     counted = list[int]()
 
-    class Counting(Ledger):
-        def append(self, group: Sequence[Record]) -> None:
+    class Counting(JournalLedger):
+        def append(self, group: Sequence[JournalRecord]) -> None:
             super().append(group)
             counted.append(len(group))
 
     wanted = setting.wanted(folder)
     with Journal(wanted.store) as journal:
-        driver = simulator(setting.setup(wanted))
+        driver = simulated_driver(setting.setup(wanted))
         ending = setting.run(wanted, driver, Counting(journal, wanted.run), records)
         driver.close()
     assert ending.outcome in TELLS, ending
@@ -154,7 +158,7 @@ def _groups(setting: Setting, folder: Path, records: list[Record]) -> int:
 def _again(store: str, run: str, log: Path) -> tuple[str, str]:
     """How a run ends that is taken up again, and what is wrong."""
     try:
-        ending = resume(store, run, Timed())
+        ending = resume_run(store, run, TimedOrders())
     except InvalidInput as error:
         return "refused", str(error.diagnostics[0].message)
     entries = [json.loads(each) for each in log.read_text("utf-8").splitlines() if each]
@@ -186,9 +190,9 @@ def disk(setting: Setting, times: int, seed: int) -> Iterator[tuple[str, str]]:
             folder = Path(name)
             wanted = setting.wanted(folder)
             with Journal(wanted.store) as journal:
-                driver = simulator(setting.setup(wanted))
+                driver = simulated_driver(setting.setup(wanted))
                 with smallest(chance.randrange(80_000, max(100_000, largest))):
-                    ending = setting.run(wanted, driver, Ledger(journal, wanted.run), [])
+                    ending = setting.run(wanted, driver, JournalLedger(journal, wanted.run), [])
                 driver.close()
             if ending.outcome in TELLS:
                 yield "it was large enough", ""
@@ -217,13 +221,13 @@ MANNERS: Mapping[str, tuple[Manners, str, tuple[str, ...]]] = {
 def controller(setting: Setting, _times: int, _seed: int) -> Iterator[tuple[str, str]]:
     """What came of each kind of controller, and what is wrong."""
     for name, (manners, wanted_told, endings) in MANNERS.items():
-        server, records = Server(setting.problem, manners), list[Record]()
+        server, records = Server(setting.problem, manners), list[JournalRecord]()
         with tempfile.TemporaryDirectory() as folder:
             wanted = setting.wanted(Path(folder))
             with Journal(wanted.store) as journal:
                 driver = ControllerDriver(server.place, HURRY, wanted.run)
                 began = time.monotonic()
-                ending = setting.run(wanted, driver, Ledger(journal, wanted.run), records)
+                ending = setting.run(wanted, driver, JournalLedger(journal, wanted.run), records)
                 driver.close()
         server.listener.close()
         said = told(records)
@@ -239,14 +243,14 @@ def controller(setting: Setting, _times: int, _seed: int) -> Iterator[tuple[str,
         )
 
 
-def told(records: Sequence[Record]) -> list[str]:
+def told(records: Sequence[JournalRecord]) -> list[str]:
     """Which troubles and which bad replies the journal tells of."""
     found = [r.content["trouble"] for r in records if r.kind is RecordKind.TROUBLE]
     found += [r.content["reply"] for r in records if r.kind is RecordKind.EXCEPTION]
     return list(dict.fromkeys(found))
 
 
-def too_late(records: Sequence[Record]) -> str:
+def too_late(records: Sequence[JournalRecord]) -> str:
     """Which command was given up later than its time limit, or by more than a second of grace; empty if none was."""
     sent = {r.content["command"]: r for r in records if r.kind is RecordKind.COMMAND}
     quiet = next(
@@ -275,8 +279,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
     problem = problem_of(asked.target)
-    ready = first(problem)
-    assert isinstance(ready, Ready), ready
+    ready = first_plan(problem)
+    assert isinstance(ready, ReadyPlan), ready
     wrong = 0
     for name in asked.tables or TABLES:
         counted = Counter[str]()

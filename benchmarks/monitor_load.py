@@ -24,7 +24,7 @@ from typing import Any
 
 import httpx
 
-from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.store.journal import Journal, JournalLine
 
 QUIET = ("--no-sandbox", "--disable-background-networking", "--disable-component-update")
 
@@ -36,7 +36,7 @@ def written(store: str, steps: int, rate: float) -> None:
         for n in range(1, steps + 1)
     ]
     with Journal(store) as journal:
-        journal.append("long", [Line(1, 0, "run", {}), Line(2, 0, "plan", _plan(plan))])
+        journal.append("long", [JournalLine(1, 0, "run", {}), JournalLine(2, 0, "plan", _plan(plan))])
         begun, number = time.time(), 2
         for step in plan:
             for kind, content in _records(step):
@@ -44,7 +44,7 @@ def written(store: str, steps: int, rate: float) -> None:
                 due = begun + (number - 2) / rate
                 time.sleep(max(0.0, due - time.time()))
                 now = {**content, "written": time.time()}
-                journal.append("long", [Line(number, 1000 * int(str(step["id"])), kind, now)])
+                journal.append("long", [JournalLine(number, 1000 * int(str(step["id"])), kind, now)])
 
 
 def _plan(steps: list[dict[str, Any]]) -> dict[str, Any]:

@@ -34,14 +34,15 @@ from rich.table import Table
 from ur5_cells import KINDS, Task, tasks
 
 from cellwright.engine import plugins
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.geometry.proof import proved
-from cellwright.engine.model.geometry import Floats, Scene
-from cellwright.engine.model.motion import FINEST_M, Moved, Query, Refused
+from cellwright.engine.model.geometry import CollisionScene
+from cellwright.engine.model.motion_values import FINEST_M, Moved, PathQuery, RefusedQuery
 from cellwright.engine.ports import CollisionChecker
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
-from cellwright.engine.stages.geometry.collision.ground import Ground
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.engine.stages.motion.planner import plan, search
+from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.motion.path_planner import plan_path, search_path
 
 STEP, FINER, RUNS = 1 / 32, 1 / 320, 3
 HUNDREDTH = STEP / 100
@@ -66,7 +67,7 @@ def timed_once(run: Callable[[], Any]) -> tuple[float, Any]:
     return (time.process_time() - started) * 1e3, answer
 
 
-def independent(scene: Scene) -> CollisionChecker:
+def independent(scene: CollisionScene) -> CollisionChecker:
     """A checker by another library, where one is installed."""
     name = next((each for each in ("mujoco", "coal") if find_spec(each)), "builtin")
     return plugins.geometry_backend(name).checker(scene)
@@ -127,22 +128,22 @@ def ompl_ms(checker: CollisionChecker, task: Task, seconds: float = 2.0) -> floa
 
 def measure(task: Task, allowed: frozenset[frozenset[str]], peers: bool) -> dict[str, Any]:
     """What one problem takes."""
-    scene = scene_of(task.world, allowed=allowed)
-    ground = Ground(BuiltinChecker(scene))
+    scene = collision_scene_of(task.world, allowed=allowed)
+    ground = PlanningScene(BuiltinChecker(scene))
     ground.lines(STEP)
     ground.proof(0.0, 1.0)
-    query = Query(task.ends[0], task.ends[1:], step=STEP)
+    query = PathQuery(task.ends[0], task.ends[1:], step=STEP)
     row: dict[str, Any] = {"problem": task.name}
-    if isinstance(plan(ground, query), Refused):
+    if isinstance(plan_path(ground, query), RefusedQuery):
         return {**row, "status": "refused"}
-    bare = Query(task.ends[0], task.ends[1:], step=STEP, bridges=0)
-    row["search_ms"], found = timed(lambda: search(ground, bare))
+    bare = PathQuery(task.ends[0], task.ends[1:], step=STEP, bridges=0)
+    row["search_ms"], found = timed(lambda: search_path(ground, bare))
     if not isinstance(found, Moved):
         return {**row, "status": "not found"}
-    row["short_ms"], short = timed(lambda: search(ground, query))
-    row["whole_ms"], whole = timed(lambda: plan(ground, query))
-    row["declared_ms"], _ = timed(lambda: plan(ground, replace(query, margin_m=DECLARED_M)))
-    more = [timed_once(lambda n=n: search(ground, replace(query, bridges=n))) for n in BRIDGES]
+    row["short_ms"], short = timed(lambda: search_path(ground, query))
+    row["whole_ms"], whole = timed(lambda: plan_path(ground, query))
+    row["declared_ms"], _ = timed(lambda: plan_path(ground, replace(query, margin_m=DECLARED_M)))
+    more = [timed_once(lambda n=n: search_path(ground, replace(query, bridges=n))) for n in BRIDGES]
     row |= {
         "status": "solved",
         "lengths": [long(each.path) for each in (found, short, whole, *(each for _, each in more))],
@@ -160,14 +161,14 @@ def measure(task: Task, allowed: frozenset[frozenset[str]], peers: bool) -> dict
     return row
 
 
-def certified(ground: Ground, other: CollisionChecker, task: Task, seed: int) -> dict[str, Any] | None:
+def certified(ground: PlanningScene, other: CollisionChecker, task: Task, seed: int) -> dict[str, Any] | None:
     """A path from a seed, planned, proved, and looked at every hundredth of the step; None where the ends are refused.
 
     Another library looks, too, at the finer step.
     """
-    query = Query(task.ends[0], task.ends[1:], step=STEP, seed=seed)
-    spent, found = timed_once(lambda: plan(ground, query))
-    if isinstance(found, Refused):
+    query = PathQuery(task.ends[0], task.ends[1:], step=STEP, seed=seed)
+    spent, found = timed_once(lambda: plan_path(ground, query))
+    if isinstance(found, RefusedQuery):
         return None
     row = {
         "problem": task.name,
@@ -195,7 +196,9 @@ def certified(ground: Ground, other: CollisionChecker, task: Task, seed: int) ->
 
 def trial(chosen: list[Task], allowed: frozenset[frozenset[str]], count: int) -> list[dict[str, Any]]:
     """So many certified paths, of the problems in turn and of ever more seeds."""
-    grounds = [Ground(BuiltinChecker(scene_of(task.world, allowed=allowed))) for task in chosen]
+    grounds = [
+        PlanningScene(BuiltinChecker(collision_scene_of(task.world, allowed=allowed))) for task in chosen
+    ]
     others = [independent(ground.scene) for ground in grounds]
     rows: list[dict[str, Any]] = []
     for seed in range(count):

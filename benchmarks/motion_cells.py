@@ -25,24 +25,28 @@ from rich.console import Console
 from rich.table import Table
 
 from cellwright.engine import plugins
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.linear import matmul
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.motion import FINEST_M, Blocked, Moved, Query, Strategy
-from cellwright.engine.pipelines.files import initial_facts
-from cellwright.engine.pipelines.motion.moving import limits_of
-from cellwright.engine.pipelines.motion.stations import near_one_another, stations
+from cellwright.engine.model.motion_values import FINEST_M, Blocked, Moved, PathQuery, Strategy
+from cellwright.engine.pipelines.motion.arm_motion import limits_of
+from cellwright.engine.pipelines.motion.travel_times import near_one_another, travel_stations
+from cellwright.engine.pipelines.planning.target_files import initial_facts
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.collision.ground import Ground
-from cellwright.engine.stages.geometry.reach.hand import ArmHand
-from cellwright.engine.stages.geometry.reach.reach import Reachability, Reached
-from cellwright.engine.stages.geometry.world.following import following
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.motion.planner import plan
-from cellwright.engine.stages.motion.refining import refined
-from cellwright.engine.stages.motion.roadmap import mapped, neighbours, repaired, travels
+from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
+from cellwright.engine.stages.geometry.reach.arm_hand import ArmHand
+from cellwright.engine.stages.geometry.reach.place_reachability import PlaceReachability, ReachedPlace
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.motion.path_planner import plan_path
+from cellwright.engine.stages.motion.path_refinement import refine_path
+from cellwright.engine.stages.motion.roadmap import (
+    map_nodes,
+    nearest_node_pairs,
+    repair_roadmap,
+    travel_times,
+)
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.cell import Place
-from cellwright.kb.model.shapes import Pose
+from cellwright.kb.model.body_shapes import Pose
+from cellwright.kb.model.cell_model import Place
 
 CELLS = {"themse": "themse/one", "bulkhead": "bulkhead/one_point"}
 FINER = 1 / 320
@@ -57,21 +61,23 @@ class Bench:
     """One cell with what plans in it: nothing is in hand but what the arm holds from the start."""
 
     def __init__(self, target: str) -> None:
-        self.world = following(World.of(cell_of(target)), initial_facts(target))
-        self.reach = Reachability(self.world, plugins.geometry_backend())
+        self.world = world_after_facts(GeometricWorld.of(cell_of(target)), initial_facts(target))
+        self.reach = PlaceReachability(self.world, plugins.geometry_backend())
         self.arm = next(iter(self.world.cell.arms))
         self.places = [each for each in self.world.cell.places.values() if each.arm == self.arm]
         tools = Counter(each.tool for each in self.places)
         self.tool = tools.most_common(1)[0][0]
         self.places = [each for each in self.places if each.tool == self.tool]
         self.checker = self.reach.checker(self.places[0])
-        self.ground = Ground(self.checker)
+        self.ground = PlanningScene(self.checker)
         end = self.reach.flange_to_end(self.places[0])
         self.hand = ArmHand(self.world, self.ground.scene, self.arm, end)
 
-    def queries(self, count: int, rng: np.random.Generator) -> list[Query]:
+    def queries(self, count: int, rng: np.random.Generator) -> list[PathQuery]:
         """Pairs of ends that are free."""
-        at_places = [answer.q for each in self.places if isinstance(answer := self.reach.at(each), Reached)]
+        at_places = [
+            answer.q for each in self.places if isinstance(answer := self.reach.at(each), ReachedPlace)
+        ]
         free = [self._free(q) for q in at_places]
         free = [q for q in free if len(q)]
         joints = self.ground.scene.joints
@@ -84,15 +90,15 @@ class Bench:
             else:
                 a, b = rng.choice(len(free), 2, replace=False)
                 start, goal = free[a][rng.integers(len(free[a]))], free[b][rng.integers(len(free[b]))]
-            found.append(Query(start, goal[None]))
+            found.append(PathQuery(start, goal[None]))
         return found
 
-    def moved(self, body: str) -> Ground:
+    def moved(self, body: str) -> PlanningScene:
         """The ground after a body was put 10 cm beside its place."""
         at = self.world.placed[body]
         T = matmul(at.T_parent_frame, transforms.translation(0.1, 0.0, 0.0))
-        reach = Reachability(self.world.put(body, at.parent, T), plugins.geometry_backend())
-        return Ground(reach.checker(replace(self.places[0], touches=())))
+        reach = PlaceReachability(self.world.put(body, at.parent, T), plugins.geometry_backend())
+        return PlanningScene(reach.checker(replace(self.places[0], touches=())))
 
     def _free(self, q: Floats) -> Floats:
         found: Floats = q[self.ground.clearance(q, 0.01) > 0.0]
@@ -113,11 +119,11 @@ def finely(path: Floats) -> Floats:
     return np.concatenate(parts)
 
 
-def asked(bench: Bench, query: Query, strategy: Strategy) -> dict[str, Any]:
+def asked(bench: Bench, query: PathQuery, strategy: Strategy) -> dict[str, Any]:
     """What one strategy makes of a query."""
-    mine = Query(query.start, query.goals, strategy=strategy, budget=BUDGET)
+    mine = PathQuery(query.start, query.goals, strategy=strategy, budget=BUDGET)
     started = time.process_time()
-    answer = plan(bench.ground, mine, bench.hand)
+    answer = plan_path(bench.ground, mine, bench.hand)
     row: dict[str, Any] = {"ms": (time.process_time() - started) * 1e3, "solved": isinstance(answer, Moved)}
     if isinstance(answer, Moved):
         hits = int(bench.ground.collides(finely(answer.path)).sum())
@@ -176,18 +182,18 @@ def shown(cell: str, rows: dict[str, list[dict[str, Any]]]) -> Table:
     return table
 
 
-def refining(cell: str, bench: Bench, queries: list[Query]) -> Table:
+def refining(cell: str, bench: Bench, queries: list[PathQuery]) -> Table:
     """How the time of paths falls with the work, beside the shortest known; straight lines are left out."""
     speeds = np.ones(bench.ground.scene.joints.count)
     speeds[bench.hand.own] = limits_of(bench.world, bench.arm).speed
     courses, spent = [], []
     for query in queries:
         mine = replace(query, budget=BUDGET)
-        first = plan(bench.ground, mine)
+        first = plan_path(bench.ground, mine)
         if not isinstance(first, Moved) or len(first.path) == 2:
             continue
         started = time.process_time()
-        found = refined(bench.ground, mine, first, speeds, WORK[-1])
+        found = refine_path(bench.ground, mine, first, speeds, WORK[-1])
         spent.append((time.process_time() - started) * 1e3)
         courses.append(found.course)
     table = Table("configurations looked at", "time, of the shortest known: median", "95 %", "ms", title=cell)
@@ -215,26 +221,26 @@ def travelling(points: int, near: int, rng: np.random.Generator) -> Table:
     own, _ = near_one_another(bench.reach, bench.world, places)
     row("configurations that reach the points")
     kept = {name: places[name] for name in own}
-    at = stations(bench.world, bench.reach, bench.arm, kept, list(own.values()))
+    at = travel_stations(bench.world, bench.reach, bench.arm, kept, list(own.values()))
     row("straight lines out of the points")
     limits, joints = at.limits, bench.hand.own
-    pairs = neighbours(at.nodes[:, joints], limits, near)
-    roadmap = mapped(at.ground, at.nodes, pairs)
-    found, _ = travels(at.ground, roadmap, pairs, limits, joints)
+    pairs = nearest_node_pairs(at.nodes[:, joints], limits, near)
+    roadmap = map_nodes(at.ground, at.nodes, pairs)
+    found, _ = travel_times(at.ground, roadmap, pairs, limits, joints)
     row(f"{len(pairs)} travel times, proved")
     for body in MOVED:
         now = bench.moved(body)
         now.lines(1 / 32)
         now.proof(0.0, FINEST_M)
         began = time.process_time(), time.time()
-        mended, looked = repaired(roadmap, at.ground, now)
+        mended, looked = repair_roadmap(roadmap, at.ground, now)
         row(f"after {body} has moved: {looked} edges repaired")
-        fresh = mapped(now, at.nodes, pairs)
+        fresh = map_nodes(now, at.nodes, pairs)
         row("the same roadmap made anew")
         assert (mended.free == fresh.free).all(), "a repaired roadmap is what a new one would be"
     some = pairs[:: max(1, len(pairs) // SAMPLE)]
     for a, b in some:
-        plan(at.ground, Query(at.nodes[a], at.nodes[b][None]))
+        plan_path(at.ground, PathQuery(at.nodes[a], at.nodes[b][None]))
     spent = (time.process_time() - began[0]) * len(pairs) / len(some)
     table.add_row(f"each by itself, from {len(some)} of them", f"{spent:.2f}", "")
     known = np.isfinite(found.time_s)

@@ -22,13 +22,13 @@ from motion import finely
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.motion import Blocked, Moved, Query
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.motion_values import Blocked, Moved, PathQuery
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
-from cellwright.engine.stages.geometry.collision.ground import Ground
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.engine.stages.motion.planner import plan
+from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.engine.stages.motion.path_planner import plan_path
 from cellwright.kb.loader.cell import load_cell
 
 ARMS = ("puma_560", "manutec_r3", "t3_746", "ur5")
@@ -38,7 +38,7 @@ REACH_M = {"t3_746": 2.5}  # as far as blocks stand from the base of an arm
 NEAR, SIDES_M = 0.45, (0.05, 0.35)  # blocks keep off the base; their sides, where blocks stand within 1 m
 
 
-def random_cell(folder: Path, arm: str, blocks: int, rng: np.random.Generator) -> Ground:
+def random_cell(folder: Path, arm: str, blocks: int, rng: np.random.Generator) -> PlanningScene:
     """An arm among so many blocks, at random places beside its base."""
     size, lines = REACH_M.get(arm, 1.0), list[str]()
     while len(lines) < blocks:
@@ -51,10 +51,10 @@ def random_cell(folder: Path, arm: str, blocks: int, rng: np.random.Generator) -
     head = f"cell: random\narms:\n  arm: {{model: {arm}, at: [0, 0, {BASE_M}]}}\n"
     file = folder / "cell.yaml"
     file.write_text(head + "\n".join([*(["fixtures:"] if lines else []), *lines]) + "\n")
-    return Ground(BuiltinChecker(scene_of(World.of(load_cell(file)))))
+    return PlanningScene(BuiltinChecker(collision_scene_of(GeometricWorld.of(load_cell(file)))))
 
 
-def ends_of(ground: Ground, rng: np.random.Generator) -> Floats:
+def ends_of(ground: PlanningScene, rng: np.random.Generator) -> Floats:
     """Random free configurations (2 n, k), at least 5 mm from all."""
     joints = ground.scene.joints
     q = rng.uniform(joints.lower, joints.upper, (400, joints.count))
@@ -62,10 +62,10 @@ def ends_of(ground: Ground, rng: np.random.Generator) -> Floats:
     return found
 
 
-def asked(ground: Ground, query: Query) -> dict[str, Any]:
+def asked(ground: PlanningScene, query: PathQuery) -> dict[str, Any]:
     """What comes of a query."""
     started = time.process_time()
-    answer = plan(ground, query)
+    answer = plan_path(ground, query)
     row: dict[str, Any] = {"ms": (time.process_time() - started) * 1e3}
     match answer:
         case Moved():
@@ -76,7 +76,7 @@ def asked(ground: Ground, query: Query) -> dict[str, Any]:
     return {**row, "end": "refused"}
 
 
-def of_ompl(ground: Ground, query: Query, looks: int) -> dict[str, Any]:
+def of_ompl(ground: PlanningScene, query: PathQuery, looks: int) -> dict[str, Any]:
     """What RRT-Connect of OMPL makes of it with as many looks at configurations."""
     from ompl import base, geometric, util
 
@@ -125,10 +125,12 @@ def measured(arm: str, blocks: int, cells: range, peer_looks: int) -> list[dict[
         with TemporaryDirectory() as folder:
             ground = random_cell(Path(folder), arm, blocks, rng)
         for start, goal in ends_of(ground, rng).reshape(-1, 2, ground.scene.joints.count):
-            query = Query(start, goal[None], step=STEP, budget=BUDGET)
+            query = PathQuery(start, goal[None], step=STEP, budget=BUDGET)
             row = {"arm": arm, "blocks": blocks, "cell": seed, **asked(ground, query)}
             if row["end"] == "open":
-                row["later"] = asked(ground, Query(start, goal[None], step=STEP, budget=10 * BUDGET))["end"]
+                row["later"] = asked(ground, PathQuery(start, goal[None], step=STEP, budget=10 * BUDGET))[
+                    "end"
+                ]
             if peer_looks and find_spec("ompl"):
                 row["ompl"] = of_ompl(ground, query, peer_looks)
             rows.append(row)

@@ -28,7 +28,7 @@ MODULES: dict[
         ),
     ),
     "deordering": (
-        ("engine/stages/planning/improvement/deorder.py",),
+        ("engine/stages/planning/improvement/plan_reordering.py",),
         ("tests/engine/stages/planning/test_deorder.py",),
     ),
     "schedule checker": (
@@ -52,7 +52,7 @@ MODULES: dict[
         ),
     ),
     "MACROP proof": (
-        ("engine/stages/macros/learning/proof.py", "engine/stages/macros/learning/safety.py"),
+        ("engine/stages/macros/learning/plan_proof.py", "engine/stages/macros/learning/proof_safety.py"),
         (f"{MACROS}/test_figure_4.py", f"{MACROS}/test_proof.py", f"{MACROS}/test_generalise.py"),
     ),
     "checks of the knowledge base": (

@@ -21,8 +21,8 @@ from rich.console import Console
 from rich.table import Table
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.kb.loader import bundled
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.kb.loader import bundled_domains
 
 SEARCH_BARS = {
     "bulkhead/one_point": 0.2,
@@ -38,7 +38,7 @@ def targets() -> list[str]:
     """Every bundled problem by name."""
     return [
         f"{name}/{file.stem}"
-        for name, path in bundled().items()
+        for name, path in bundled_domains().items()
         for file in sorted(path.glob("problems/*.yaml"))
     ]
 
@@ -60,8 +60,8 @@ def command(*arguments: str) -> Callable[[], object]:
 
 def measure(target: str, runs: int) -> dict[str, Any]:
     """One row of the table."""
-    problem = planning.problem_of(target)
-    outcomes = [planning.plan(problem) for _ in range(runs)]
+    problem = checked_plan.problem_of(target)
+    outcomes = [checked_plan.plan_problem(problem) for _ in range(runs)]
     phases = {
         phase: min(outcome.statistics.seconds[phase] for outcome in outcomes)
         for phase in ("grounding", "search", "check")
@@ -80,7 +80,7 @@ def measure(target: str, runs: int) -> dict[str, Any]:
 
 def heavy_modules() -> list[str]:
     """Heavy packages that planning a small problem loads."""
-    code = "import sys; from cellwright.engine.pipelines import planning; planning.plan(planning.problem_of('bulkhead/one_point'))"
+    code = "import sys; from cellwright.engine.pipelines.planning import checked_plan; checked_plan.plan_problem(checked_plan.problem_of('bulkhead/one_point'))"
     code += "; print(*sorted({'numpy', 'ortools'} & set(sys.modules)))"
     return subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True

@@ -26,9 +26,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.formats.interop.pddl import read_pddl
-from cellwright.engine.formats.interop.pddl.plans import read_plan
-from cellwright.engine.pipelines import planning
+from cellwright.engine.formats.interop.pddl import read_pddl_task
+from cellwright.engine.formats.interop.pddl.competition_plans import read_plan
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.diagnostics import InvalidInput
 
 OURS = ("auto", "backward", "forward", "landmarks", "asp")
@@ -191,12 +191,12 @@ def _steps(folder: Path, plan: Path) -> int | None:
     """The length of a plan that our checker accepts."""
     if not plan.is_file():
         return None
-    task = read_pddl(folder / "domain.pddl", folder / "problem.pddl")
+    task = read_pddl_task(folder / "domain.pddl", folder / "problem.pddl")
     try:
         made = read_plan(task, plan)
     except InvalidInput:
         return None
-    return len(made.steps) if not planning.check_plan(task.problem, made) else None
+    return len(made.steps) if not checked_plan.check_plan(task.problem, made) else None
 
 
 def summary(runs: Sequence[Run], planners: Sequence[str]) -> Table:

@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 
 from cellwright.kb.loader import load
 from cellwright.kb.model.conditions import And, Literal
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Term
 
 ARM = Function("t3_746")

@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.model.tour import PoseProblem, Tour, TourProblem, Visit
+from cellwright.engine.model.tour_problem import PoseProblem, Tour, TourProblem, Visit
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
-from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
-from cellwright.engine.stages.sequencing import Limits, sequence
-from cellwright.engine.stages.sequencing.poses import poses_for, tour_then_poses, with_poses
-from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel
+from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics
+from cellwright.engine.stages.sequencing import TourLimits, sequence_tour
+from cellwright.engine.stages.sequencing.pose_tours import poses_for, tour_then_poses, with_poses
+from cellwright.kb.loader.arm_file import bundled_arms, load_arm
 
 DRILL_M = 0.1
 TURNS = 12
@@ -70,7 +70,9 @@ def near_optimal_then_poses(problem: PoseProblem) -> Tour:
     """The best poses for a near-optimal tour of the positions."""
     places = np.array([visit.position for visit in problem.visits[1:]])
     lines = np.rint(1e6 * np.linalg.norm(places[:, None] - places[None], axis=2)).astype(np.int64)
-    tour = sequence(TourProblem("positions", problem.visits[1:], lines, closed=False), Limits(proof=0))
+    tour = sequence_tour(
+        TourProblem("positions", problem.visits[1:], lines, closed=False), TourLimits(proof=0)
+    )
     assert isinstance(tour, Tour)
     return poses_for(problem, (0, *(visit + 1 for visit in tour.order)))
 
@@ -85,13 +87,13 @@ def main() -> int:
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     problem, kinematics = problem_of(options.data / "robotsp" / "targets_245.csv")
-    with_poses(problem, Limits(work=1))  # loads the kernels
+    with_poses(problem, TourLimits(work=1))  # loads the kernels
     baseline = tour_then_poses(problem)
     rows: list[dict[str, Any]] = []
     for name, run in (
         ("tour-then-poses", lambda: tour_then_poses(problem)),
         ("near-optimal tour, then poses", lambda: near_optimal_then_poses(problem)),
-        ("together", lambda: with_poses(problem, Limits(seed=options.seed))),
+        ("together", lambda: with_poses(problem, TourLimits(seed=options.seed))),
     ):
         started = time.perf_counter()
         tour = run()

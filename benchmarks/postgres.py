@@ -93,9 +93,9 @@ def emptied(url: str) -> None:
     """Throw away everything in the database."""
     from sqlalchemy import text
 
-    from cellwright.kb.store.engines import connected
+    from cellwright.kb.store.database import connect_engine
 
-    engine = connected(url)
+    engine = connect_engine(url)
     with engine.begin() as connection:
         connection.execute(text("DROP SCHEMA public CASCADE"))
         connection.execute(text("CREATE SCHEMA public"))

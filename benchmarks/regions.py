@@ -14,32 +14,33 @@ os.environ["CELLWRIGHT_THREADS"] = "1"
 
 import numpy as np
 
-from cellwright.engine.model.geometry import Floats, Piece, Scene
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.geometry import CollisionScene, ConvexPiece
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
 from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.kb.loader.arm import bundled_arms, load_arm
-from cellwright.kb.model.cell import Cell, MountedArm
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.kb.loader.arm_file import bundled_arms, load_arm
+from cellwright.kb.model.cell_model import Cell, MountedArm
 
 CUBE = np.array(list(product((-0.5, 0.5), repeat=3)))
 RUNS = 3
 
 
-def block(name: str, spread: float, rng: np.random.Generator) -> Piece:
+def block(name: str, spread: float, rng: np.random.Generator) -> ConvexPiece:
     """A block of 2 to 10 cm, turned, within `spread` metres along each axis."""
     axis = rng.normal(size=3)
     R = transforms.rotation(axis / np.linalg.norm(axis), float(rng.uniform(0, 3)))
     T = transforms.transform(R, rng.uniform(-spread, spread, 3))
-    return Piece(name, 0, T, CUBE * rng.uniform(0.02, 0.1, 3), 0.0, box=True)
+    return ConvexPiece(name, 0, T, CUBE * rng.uniform(0.02, 0.1, 3), 0.0, box=True)
 
 
-def scattered(bodies: int, spread: float) -> tuple[Scene, Floats]:
+def scattered(bodies: int, spread: float) -> tuple[CollisionScene, Floats]:
     """A scene, and 2,000 configurations."""
     rng = np.random.default_rng(1)
-    world = World.of(Cell("scattered", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}))
-    bare = scene_of(world)
+    world = GeometricWorld.of(Cell("scattered", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}))
+    bare = collision_scene_of(world)
     blocks = [block(f"block_{n}", spread, rng) for n in range(bodies)]
     moving = [n for n, piece in enumerate(bare.pieces) if piece.carrier]
     cross = np.array(list(product(moving, range(len(bare.pieces), len(bare.pieces) + bodies))))

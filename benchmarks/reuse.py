@@ -27,16 +27,16 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.formats.interop.pddl import read_pddl
-from cellwright.engine.model.forecast import makespan
+from cellwright.engine.formats.interop.pddl import read_pddl_task
 from cellwright.engine.model.outcome import Found, Outcome
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.reuse import Practice
-from cellwright.engine.pipelines.revision import revise
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.model.plan_times import plan_makespan
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.macros import LibraryPlanner
+from cellwright.engine.pipelines.recovery.plan_revision import revise_plan
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.loader import load
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "pipelines" / "revision"))
@@ -61,10 +61,10 @@ def cost(outcome: Outcome) -> int | None:
     return outcome.plan.cost if isinstance(outcome, Found) else None
 
 
-def limited() -> Limits:
+def limited() -> SearchLimits:
     """Limits that end a task after some seconds of the processor."""
     end = time.process_time() + LIMIT_S
-    return Limits(interrupted=lambda: time.process_time() > end)
+    return SearchLimits(interrupted=lambda: time.process_time() > end)
 
 
 def drawer(probes: int) -> Problem:
@@ -89,19 +89,22 @@ def probes(numbers: list[int]) -> Iterator[Row]:
         learning, _ = seconds(lambda: _practised(library, drawer(3)))
         for number in numbers:
             problem = drawer(number)
-            plain_s, plain = seconds(lambda p=problem: planning.plan(p))  # type: ignore[misc]
+            plain_s, plain = seconds(lambda p=problem: checked_plan.plan_problem(p))  # type: ignore[misc]
             with_s, answered = seconds(lambda p=problem: _practised(library, p))  # type: ignore[misc]
             assert isinstance(answered.outcome, Found)
-            assert validate(problem, answered.outcome.plan) == []
+            assert validate_plan(problem, answered.outcome.plan) == []
             assert isinstance(plain, Found)
             costs = {"cost": cost(answered.outcome), "plain_cost": cost(plain)}
-            costs |= {"lasts_s": makespan(answered.outcome.plan), "plain_lasts_s": makespan(plain.plan)}
+            costs |= {
+                "lasts_s": plan_makespan(answered.outcome.plan),
+                "plain_lasts_s": plan_makespan(plain.plan),
+            }
             row = {"probes": number, "origin": answered.origin, "with_s": with_s, "plain_s": plain_s}
             yield {**row, **costs, "learning_s": learning}
 
 
 def _practised(library: Library, problem: Problem, learns: bool = True) -> Any:
-    with Practice(library, limited(), learns=learns) as practice:
+    with LibraryPlanner(library, limited(), learns=learns) as practice:
         return practice.plan(problem)
 
 
@@ -118,7 +121,7 @@ def pddl(data: Path, domains: list[str]) -> Iterator[Row]:
 
 def _compared(library: Library, level: Path) -> Row:
     """One task without the library and with it; the library stays as it is."""
-    plain_s, plain = _least(lambda task: planning.plan(task, limited()), level)
+    plain_s, plain = _least(lambda task: checked_plan.plan_problem(task, limited()), level)
     with_s, answered = _least(lambda task: _practised(library, task, learns=False), level)
     found = answered.outcome
     offer = found.statistics.offer
@@ -146,7 +149,7 @@ def _least(run: Callable[[Problem], Any], level: Path) -> tuple[float, Any]:
 
 
 def _task(level: Path) -> Problem:
-    return read_pddl(level / "domain.pddl", level / "problem.pddl").problem
+    return read_pddl_task(level / "domain.pddl", level / "problem.pddl").problem
 
 
 def revisions(each: int) -> Iterator[Row]:
@@ -156,9 +159,9 @@ def revisions(each: int) -> Iterator[Row]:
         for seed in range(each):
             draw = random.Random(seed)
             now = moment(made, draw.randrange(len(made.plan.steps)), draw.randint(1, 3), 0, draw)
-            revising, found = seconds(lambda m=made, n=now: revise(m, n.done, n.observed))  # type: ignore[misc]
-            scratch, fresh = seconds(lambda f=found: planning.plan(f.problem))  # type: ignore[misc]
-            valid = isinstance(found.outcome, Found) and not validate(found.problem, found.outcome.plan)
+            revising, found = seconds(lambda m=made, n=now: revise_plan(m, n.done, n.observed))  # type: ignore[misc]
+            scratch, fresh = seconds(lambda f=found: checked_plan.plan_problem(f.problem))  # type: ignore[misc]
+            valid = isinstance(found.outcome, Found) and not validate_plan(found.problem, found.outcome.plan)
             row = {"plan": f"{path.parts[-3]}/{path.stem}", "way": found.way, "valid": valid}
             costs = {"cost": cost(found.outcome), "fresh_cost": cost(fresh)}
             yield {**row, "revising_s": revising, "scratch_s": scratch, **costs}

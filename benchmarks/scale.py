@@ -22,14 +22,14 @@ from macros import lessons
 from points import cell, different_days
 
 from cellwright.engine.kernels.cancellation import never
-from cellwright.engine.pipelines.preparation import notes
-from cellwright.engine.pipelines.preparation.results import Prepared
-from cellwright.engine.pipelines.units import Kind, Ledger, Unit
-from cellwright.engine.pipelines.units.content import content
-from cellwright.engine.pipelines.units.work import one
-from cellwright.engine.stages.macros.lookup.repertoire import Repertoire, record_of
+from cellwright.engine.pipelines.jobs import ResultLedger, WorkKind, WorkUnit
+from cellwright.engine.pipelines.jobs.input_digests import content_digest
+from cellwright.engine.pipelines.jobs.work_units import carry_out_unit
+from cellwright.engine.pipelines.precompute import preparation_results
+from cellwright.engine.pipelines.precompute.preparation_results import PreparedProblem
+from cellwright.engine.stages.macros.lookup.macro_repertoire import Repertoire, macro_record
 from cellwright.kb.store import Library, loads
-from cellwright.kb.targets import find
+from cellwright.kb.targets import find_target
 from cellwright.kb.terms import Function
 
 BATCH = 1_000
@@ -50,7 +50,7 @@ def library(folder: Path, count: int, copies: int) -> dict[str, float]:
     days = different_days(count, 14, 1)
     documents: list[str] = []
     found = {"learn a MACROP (ms)": 1e3 * spent(lambda: documents.extend(lessons(days))) / count}
-    records = [record_of(loads(text), 60.0) for text in documents]
+    records = [macro_record(loads(text), 60.0) for text in documents]
     file = folder / "library.db"
     with Library(str(file)) as store:
         seconds = 0.0
@@ -75,27 +75,32 @@ def library(folder: Path, count: int, copies: int) -> dict[str, float]:
     return found
 
 
-def _nothing(_job: int, _interrupted: object) -> Prepared:
-    return Prepared("p", "found")
+def _nothing(_job: int, _interrupted: object) -> PreparedProblem:
+    return PreparedProblem("p", "found")
 
 
-def _lost(_job: int, why: str) -> Prepared:
-    return Prepared("p", "gave up", reason=why, finished=False)
+def _lost(_job: int, why: str) -> PreparedProblem:
+    return PreparedProblem("p", "gave up", reason=why, finished=False)
 
 
 def units(folder: Path, count: int = 50) -> dict[str, float]:
     """What a unit of work costs beside the work."""
-    target = find("themse/one")
-    content(target)
-    ledger = Ledger(str(folder / "units.db"), notes.finished, notes.written, notes.read)
-    kind = Kind("scale", _nothing, _lost, ledger)
+    target = find_target("themse/one")
+    content_digest(target)
+    ledger = ResultLedger(
+        str(folder / "units.db"),
+        preparation_results.is_prepared,
+        preparation_results.prepared_entry,
+        preparation_results.read_prepared,
+    )
+    kind = WorkKind("scale", _nothing, _lost, ledger)
 
     def noted() -> None:
         for number in range(count):
-            one(kind, Unit(f"{time.monotonic_ns()} {number}", "k", number), never)
+            carry_out_unit(kind, WorkUnit(f"{time.monotonic_ns()} {number}", "k", number), never)
 
     return {
-        "digest of a problem and its cell (ms)": 1e3 * spent(lambda: content(target), 5),
+        "digest of a problem and its cell (ms)": 1e3 * spent(lambda: content_digest(target), 5),
         "take a unit, and note it (ms)": 1e3 * spent(noted, 3) / count,
     }
 

@@ -23,18 +23,15 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.formats.interop.jobshop import read_jobshop
-from cellwright.engine.formats.interop.slab import read_slab
-from cellwright.engine.model.forecast import makespan
+from cellwright.engine.formats.interop.shop_files import read_jobshop, read_slab
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.schedule import Scheduled, Timetable
-from cellwright.engine.model.shop import Shop
-from cellwright.engine.pipelines.timetable import timed
+from cellwright.engine.model.plan_times import plan_makespan
+from cellwright.engine.model.shop_scheduling import Shop, Timetable, ValidSchedule
+from cellwright.engine.pipelines.planning.timetable import time_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.planning import plan as plan_task
-from cellwright.engine.stages.scheduling import ScheduleLimits, check_schedule, schedule
-from cellwright.kb.loader import bundled, load_problem
+from cellwright.engine.stages.planning import SearchLimits, plan_task
+from cellwright.engine.stages.scheduling import ScheduleLimits, check_schedule, schedule_shop
+from cellwright.kb.loader import bundled_domains, load_problem
 
 JOB_SHOPS = {"ft06": 55, "ft10": 930, "ft20": 1165, "la01": 666, "la16": 945}
 PROTOCOLS = {"Gu2016": 87, "qPCR": 148, "RNAseq": 973}
@@ -77,9 +74,9 @@ def limits(seconds: float) -> ScheduleLimits:
 def measured(name: str, shop: Shop, seconds: float, bar: Callable[[Line], str]) -> Line:
     """One shop, scheduled and replayed by the checker."""
     started = time.perf_counter()
-    found = schedule(shop, limits(seconds))
+    found = schedule_shop(shop, limits(seconds))
     took = time.perf_counter() - started
-    if not isinstance(found, Scheduled):
+    if not isinstance(found, ValidSchedule):
         return Line(name, 0, 0, False, took, took, missed=found.reason)
     made, first = found.schedule, found.statistics
     line = Line(
@@ -111,7 +108,7 @@ def files(data: Path) -> Iterator[tuple[str, Shop, int]]:
 def laboratory(folder: Path, travel: bool) -> Path:
     """A copy of the laboratory's domain, with empty travel if wanted."""
     home = folder / ("lab_travel" if travel else "lab")
-    shutil.copytree(bundled()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    shutil.copytree(bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
     if travel:
         rules, domain = home / "rules.lp", home / "domain.yaml"
         rules.write_text(rules.read_text("utf-8") + TRAVEL, "utf-8")
@@ -140,10 +137,10 @@ def probes_line(home: Path, count: int, seconds: float, travel: bool) -> Line:
     """The laboratory with some probes; what is timed is the scheduler, given the plan of the task planner."""
     problem = load_problem(str(probes(home, count)))
     task = ground(problem)
-    found = plan_task(task, Limits(improvement=0))
+    found = plan_task(task, SearchLimits(improvement=0))
     assert isinstance(found, Found)
     started = time.perf_counter()
-    made = timed(problem, task, found.plan, limits(seconds))
+    made = time_plan(problem, task, found.plan, limits(seconds))
     assert isinstance(made, Timetable)
     took = time.perf_counter() - started
     missed = made.note or "; ".join(check_schedule(made.shop, made.schedule))
@@ -161,7 +158,7 @@ def probes_line(home: Path, count: int, seconds: float, travel: bool) -> Line:
         took,
         made.statistics.seconds["first schedule"],
         made.statistics.counts["first makespan"],
-        makespan(found.plan),
+        plan_makespan(found.plan),
         missed=missed.strip(),
     )
 

@@ -26,10 +26,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.formats.interop.tsplib import read_tsplib
-from cellwright.engine.model.metric import Metric
-from cellwright.engine.model.tour import Tour, TourProblem, Visit
-from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.engine.formats.interop.visit_files import read_tsplib
+from cellwright.engine.model.tour_problem import Metric, Tour, TourProblem, Visit
+from cellwright.engine.stages.sequencing import TourLimits, sequence_tour
 
 PROOF_SECONDS = 30.0
 SMALL, MIDDLE, LARGE = 100, (800, 1500), (700, 5000)
@@ -54,7 +53,7 @@ def until(seconds: float) -> Callable[[], bool]:
 def ours(problem: TourProblem, seconds: float, method: str = "auto") -> tuple[int, float, Tour]:
     """Cost, processor time, tour."""
     started = time.process_time()
-    answer = sequence(problem, Limits(work=10**9, interrupted=until(seconds)), method)
+    answer = sequence_tour(problem, TourLimits(work=10**9, interrupted=until(seconds)), method)
     assert isinstance(answer, Tour)
     return answer.cost, time.process_time() - started, answer
 
@@ -79,7 +78,7 @@ def proof(problem: TourProblem) -> tuple[bool, float]:
     """Whether the default proves its tour in time, and how long it took."""
     started = time.perf_counter()
     end = started + PROOF_SECONDS
-    answer = sequence(problem, Limits(interrupted=lambda: time.perf_counter() >= end))
+    answer = sequence_tour(problem, TourLimits(interrupted=lambda: time.perf_counter() >= end))
     return isinstance(answer, Tour) and answer.proved, time.perf_counter() - started
 
 
@@ -91,7 +90,7 @@ def row(problem: TourProblem, optimum: int, seconds: list[float], peers: bool) -
 
     cost, spent, _ = ours(problem, 60, "chain1987")
     started = time.process_time()
-    whole = sequence(problem, Limits())
+    whole = sequence_tour(problem, TourLimits())
     assert isinstance(whole, Tour)
     made: dict[str, Any] = {
         "instance": problem.name,

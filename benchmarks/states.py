@@ -13,9 +13,8 @@ import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
-from cellwright.engine.pipelines import task_space
-from cellwright.kb.model.contacts import ContactModel
-from cellwright.kb.model.octuples import Octuple, Quadruple
+from cellwright.engine.pipelines import contact_states
+from cellwright.kb.model.contact_model import ContactModel, Octuple, Quadruple
 
 KEPT = Path("build/benchmarks/states.json")
 MOST_PLACES, MOST_SECONDS, JUDGED = 40, 1.0, (8, 16)
@@ -23,7 +22,7 @@ MOST_PLACES, MOST_SECONDS, JUDGED = 40, 1.0, (8, 16)
 
 def themse(probes: int) -> ContactModel:
     """THEMSE with this many probes, and as many depots in the drawer and in the freezer."""
-    model, _ = task_space.model_of("themse")
+    model, _ = contact_states.contact_model_of("themse")
     classes = dict(model.classes)
     for name in ("THEMSE_drawer", "THEMSE_freezer"):
         anchors = classes[name].anchors
@@ -55,10 +54,10 @@ def measured(probes: int) -> dict[str, object]:
     """Places, transitions, states, seconds of processor time and the most memory in megabytes."""
     model = themse(probes)
     started = time.process_time()
-    net = task_space.net(model)
+    net = contact_states.build_net(model)
     seconds = time.process_time() - started
     tracemalloc.start()
-    task_space.net(model)
+    contact_states.build_net(model)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return {

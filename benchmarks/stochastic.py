@@ -29,23 +29,23 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from cellwright.engine.formats.report.standing import Standing as Run
-from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.formats.report.runs.run_display import RunStanding as Run
 from cellwright.engine.model.outcome import Infeasible
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.pipelines.execution import Execution, Timed
-from cellwright.engine.pipelines.execution.compiling import situation_of
-from cellwright.engine.pipelines.execution.planned import Ready, first
-from cellwright.engine.pipelines.execution.recorder import Recorder
-from cellwright.engine.pipelines.execution.records import read_atom
-from cellwright.engine.pipelines.simulation import SymbolicWorld
-from cellwright.engine.pipelines.simulator import HiddenCell, Simulator
-from cellwright.engine.pipelines.simulator.settings import Settings
-from cellwright.engine.pipelines.timetable import timed
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.execution import RunExecution, TimedOrders
+from cellwright.engine.pipelines.execution.compiled_program import initial_situation
+from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
+from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
+from cellwright.engine.pipelines.execution.run_journal import Recorder
+from cellwright.engine.pipelines.planning.timetable import time_plan
+from cellwright.engine.pipelines.recovery import SymbolicWorld
+from cellwright.engine.pipelines.simulators import HiddenCell, Simulator
+from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.scheduling import ScheduleLimits
-from cellwright.kb.loader import bundled, load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.loader import bundled_domains, load_problem
+from cellwright.kb.model.planning_problem import Problem
 
 SPREAD = 0.2
 SHARE = 1.03
@@ -57,9 +57,9 @@ class Kept:
     """A journal in memory."""
 
     def __init__(self) -> None:
-        self.records: list[Record] = []
+        self.records: list[JournalRecord] = []
 
-    def append(self, records: Sequence[Record]) -> None:
+    def append(self, records: Sequence[JournalRecord]) -> None:
         """Append records."""
         self.records += records
 
@@ -80,7 +80,7 @@ class Line:
 def problem_in(folder: Path, probes: int, stay: int) -> Problem:
     """So many probes with as many depots; nothing may stay in the furnace for longer than `stay` s, if that is given."""
     home = folder / "lab"
-    shutil.copytree(bundled()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    shutil.copytree(bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
     text = (home / "domain.yaml").read_text("utf-8")
     declared = text.replace("\nstatics:", "\nstatics:\n  longest_stay(unit, time): {}", 1)
     (home / "domain.yaml").write_text(declared, "utf-8")
@@ -98,13 +98,13 @@ def problem_in(folder: Path, probes: int, stay: int) -> Problem:
     return load_problem(str(home / "problems" / "probes.yaml"))
 
 
-def run(problem: Problem, ready: Ready, seed: int, stay: int) -> tuple[Line, list[Record]]:
+def run(problem: Problem, ready: ReadyPlan, seed: int, stay: int) -> tuple[Line, list[JournalRecord]]:
     """One run on the virtual clock."""
     began = time.process_time()
     kept = Kept()
-    driver = Simulator(HiddenCell(problem, None, seed=seed), Settings(seed, spread=SPREAD))
-    execution = Execution("x", problem, driver, Recorder(kept, driver.now_ms), Timed())
-    ending = execution.start(ready, SymbolicWorld.of(problem, situation_of(problem).state))
+    driver = Simulator(HiddenCell(problem, None, seed=seed), SimulatorSettings(seed, spread=SPREAD))
+    execution = RunExecution("x", problem, driver, Recorder(kept, driver.now_ms), TimedOrders())
+    ending = execution.start(ready, SymbolicWorld.of(problem, initial_situation(problem).state))
     records = kept.records
     told = [each for each in records if each.kind is RecordKind.EXCEPTION]
     said = {each.content["action"] for each in told if each.content["exception"] == "stays_too_long"}
@@ -115,7 +115,7 @@ def run(problem: Problem, ready: Ready, seed: int, stay: int) -> tuple[Line, lis
     return Line(ending.outcome, ending.makespan_ms / 1000, len(broken), untold, orders, took), records
 
 
-def stays(records: list[Record]) -> list[tuple[str, int]]:
+def stays(records: list[JournalRecord]) -> list[tuple[str, int]]:
     """Each step that takes a probe out of the furnace, and how long the probe had been there when it began."""
     brought: dict[str, int] = {}
     found = []
@@ -129,7 +129,9 @@ def stays(records: list[Record]) -> list[tuple[str, int]]:
     return found
 
 
-def with_perfect_knowledge(problem: Problem, ready: Ready, records: list[Record], work: float) -> float:
+def with_perfect_knowledge(
+    problem: Problem, ready: ReadyPlan, records: list[JournalRecord], work: float
+) -> float:
     """The makespan in seconds that CP-SAT finds for the plan with the durations that its steps had.
 
     0 if there is no such schedule: where steps took too long, nobody could have kept all stays.
@@ -137,10 +139,10 @@ def with_perfect_knowledge(problem: Problem, ready: Ready, records: list[Record]
     lasted: dict[str, list[int]] = {}
     for each in (record for record in records if record.kind is RecordKind.DONE):
         lasted.setdefault(each.content["action"], []).append(each.at_ms - each.content["started_ms"])
-    known = {read_atom(action): round(statistics.mean(each) / 1000) for action, each in lasted.items()}
+    known = {read_ground_atom(action): round(statistics.mean(each) / 1000) for action, each in lasted.items()}
     told = replace(problem, durations=known)
     steps = tuple(replace(s, duration=known.get(s.operator, s.duration)) for s in ready.plan.steps)
-    made = timed(told, ground(told), replace(ready.plan, steps=steps), ScheduleLimits(work))
+    made = time_plan(told, ground(told), replace(ready.plan, steps=steps), ScheduleLimits(work))
     if isinstance(made, Infeasible):
         return 0.0
     assert isinstance(made, Timetable), made
@@ -160,7 +162,7 @@ class Told:
     off_ms: int
 
 
-def forecasts(records: list[Record], tolerance: int, every: int = 7) -> list[Told]:
+def forecasts(records: list[JournalRecord], tolerance: int, every: int = 7) -> list[Told]:
     """Each forecast of a start that a display could show behind every so many steps.
 
     The display shows whole seconds, so half a second is allowed. A step that was exchanged for another one, or that another plan
@@ -198,7 +200,7 @@ def compared(standing: Run, begun: dict[str, list[int]], tolerance: int) -> list
     return found
 
 
-def forecast_share(problem: Problem, ready: Ready, runs: int, tolerance: int) -> int:
+def forecast_share(problem: Problem, ready: ReadyPlan, runs: int, tolerance: int) -> int:
     """Print the share of starts within their intervals, by how many steps ahead they were; 1 if it is not as stated."""
     lines: list[Told] = []
     for seed in range(runs):
@@ -242,8 +244,8 @@ def main() -> int:
     found = [Line(*each) for each in json.loads(asked.json.read_text("utf-8"))] if kept else []
     with tempfile.TemporaryDirectory() as name:
         problem = problem_in(Path(name), asked.probes, asked.stay)
-        ready = first(problem)
-        assert isinstance(ready, Ready), ready
+        ready = first_plan(problem)
+        assert isinstance(ready, ReadyPlan), ready
         print(f"forecast {ready.makespan} s, {len(ready.plan.steps)} steps", flush=True)
         if asked.forecast:
             return forecast_share(problem, ready, asked.runs, asked.tolerance)
@@ -257,7 +259,7 @@ def main() -> int:
     return judged(found)
 
 
-def measured(problem: Problem, ready: Ready, asked: argparse.Namespace, seed: int) -> Line:
+def measured(problem: Problem, ready: ReadyPlan, asked: argparse.Namespace, seed: int) -> Line:
     """One run, and what perfect knowledge makes of it for the first ones."""
     gc.set_threshold(100_000)  # as the commands do
     line, records = run(problem, ready, seed, asked.stay)

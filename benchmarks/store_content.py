@@ -5,12 +5,12 @@ from typing import Any
 
 from sqlalchemy import text
 
-from cellwright.kb.store.engines import connected
+from cellwright.kb.store.database import connect_engine
 
 
 def rows(store: str, table: str) -> list[tuple[Any, ...]]:
     """The rows of a table; none if the database or the table is not there at this moment."""
-    engine = connected(store) if "://" in store or Path(store).is_file() else None
+    engine = connect_engine(store) if "://" in store or Path(store).is_file() else None
     if engine is None:
         return []
     try:

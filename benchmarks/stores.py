@@ -130,10 +130,10 @@ def ended(child: int, hear: int, first: str = "") -> tuple[list[str], list[str]]
 def state(target: str, told: list[str]) -> str:
     """What is wrong with a library after a mishap."""
     from cellwright.kb.diagnostics import InvalidInput
-    from cellwright.kb.store.checking import checked
+    from cellwright.kb.store.store_maintenance import check_library
 
     try:
-        findings = checked(target)[0] if told else []
+        findings = check_library(target)[0] if told else []
         lost = missing(target, told)
         write(target, 1, 3, "next", lambda _: None)
     except InvalidInput as error:
@@ -225,7 +225,7 @@ def spoiled(place: Place, table: Table, count: int, chance: random.Random) -> No
 
 def writers(place: Place, table: Table, count: int, _chance: random.Random) -> None:
     """Processes that write at once."""
-    from cellwright.kb.store.checking import checked
+    from cellwright.kb.store.store_maintenance import check_library
 
     target, rounds = place.empty(), 25
     children = [forked(partial(_written, target, n, rounds)) for n in range(count)]
@@ -234,7 +234,7 @@ def writers(place: Place, table: Table, count: int, _chance: random.Random) -> N
         lost = missing(target, told)
         wrong = errors + ([f"lost {lost[:3]}"] if lost else [])
         table.note(len(told), bool(errors), "; ".join(wrong))
-    findings = checked(target)[0]
+    findings = check_library(target)[0]
     table.wrong += [each.message for each in findings]
     if (found := len(content(target))) < table.committed:
         table.wrong.append(f"{found} of {table.committed} are there")

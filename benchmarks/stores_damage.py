@@ -8,13 +8,11 @@ from pathlib import Path
 from sqlalchemy import Column, Integer, select, update
 
 from cellwright.kb.store import Library
-from cellwright.kb.store.cases import Cases
-from cellwright.kb.store.checking import checked, tables
-from cellwright.kb.store.copying import back_up
-from cellwright.kb.store.engines import connected, transaction
+from cellwright.kb.store.case_store import Cases
+from cellwright.kb.store.database import connect_engine, open_transaction
+from cellwright.kb.store.inspection_store import PoseStore, Sequences
 from cellwright.kb.store.journal import Journal
-from cellwright.kb.store.poses import PoseStore
-from cellwright.kb.store.sequences import Sequences
+from cellwright.kb.store.store_maintenance import check_library, store_tables, write_backup
 
 PAGE = 4096
 TEXTS = ("", "{", "[]", "null", "7", '"x"', "\x01", "é" * 40, '{"steps": 3}', "[" * 3000, "9" * 400, "1*x 2*")
@@ -63,14 +61,14 @@ def _spoil_rows(target: str, chance: random.Random) -> Callable[[], None]:
     """Put something strange into a text of some rows of a table."""
     found = [
         (table, column)
-        for table in tables()
+        for table in store_tables()
         for column in table.columns
         if not isinstance(column.type, Integer) and not column.foreign_keys and not column.unique
     ]
     table, column = chance.choice(found)
     key: Column[int] | Column[str] = next(iter(table.primary_key.columns))
-    engine = connected(target)
-    with transaction(engine, target, writes=True) as connection:
+    engine = connect_engine(target)
+    with open_transaction(engine, target, writes=True) as connection:
         before = connection.execute(select(key, column)).all()
         new = chance.choice(TEXTS) if column.type.python_type is str else chance.choice((-1.0, 1e300, 0.0))
         if isinstance(new, str):
@@ -80,7 +78,7 @@ def _spoil_rows(target: str, chance: random.Random) -> Callable[[], None]:
             connection.execute(update(table).where(key == row).values({column.name: new}))
 
     def undo() -> None:
-        with transaction(engine, target, writes=True) as connection:
+        with open_transaction(engine, target, writes=True) as connection:
             for row, old in before if column is not key and not column.primary_key else ():
                 connection.execute(update(table).where(key == row).values({column.name: old}))
         engine.dispose()
@@ -90,7 +88,7 @@ def _spoil_rows(target: str, chance: random.Random) -> Callable[[], None]:
 
 def read_everything(target: str, domain: str = "cell") -> Iterator[tuple[str, Callable[[], object]]]:
     """All that reads a library, by name; where a domain is asked for, with this one."""
-    yield "check", lambda: checked(target)
+    yield "check", lambda: check_library(target)
     yield "MACROPs", lambda: _with(Library, target, lambda found: list(found.all()))
     yield "outlines", lambda: _with(Library, target, lambda found: list(found.outlines(domain)))
     yield "figures", lambda: _with(Library, target, lambda found: found.figures())
@@ -107,7 +105,7 @@ def read_everything(target: str, domain: str = "cell") -> Iterator[tuple[str, Ca
     )
     backup = Path(f"{target}.backup") if "://" not in target else None
     if backup is not None:
-        yield "backup", lambda: (backup.unlink(missing_ok=True), back_up(target, backup))
+        yield "backup", lambda: (backup.unlink(missing_ok=True), write_backup(target, backup))
 
 
 def _sequences(target: str, domain: str) -> Callable[[Sequences], object]:

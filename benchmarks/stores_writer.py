@@ -3,13 +3,11 @@
 import time
 from collections.abc import Callable, Iterator
 
-from cellwright.kb.model.macro import Macrop, MacroStep
-from cellwright.kb.model.plan import StepId
+from cellwright.kb.model.plan_model import Macrop, MacroStep, StepId
 from cellwright.kb.store import Library, Record, Use
-from cellwright.kb.store.cases import Cases, ClosedCase
-from cellwright.kb.store.journal import Journal, Line
-from cellwright.kb.store.poses import PoseStore
-from cellwright.kb.store.sequences import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.store.case_store import Cases, ClosedCase
+from cellwright.kb.store.inspection_store import PlannedVisit, PoseStore, SequencePlan, Sequences
+from cellwright.kb.store.journal import Journal, JournalLine
 from cellwright.kb.terms import Function
 
 DOMAIN = "cell"
@@ -42,7 +40,10 @@ def write(
             poses.keep(DOMAIN, "shared", {("m1", "probe", "s"): '{"at": 1}', ("m2", "probe", "s"): "{}"})
             journal.append(
                 name,
-                [Line(2 * each - 1, each, "sent", {"text": "x" * size}), Line(2 * each, each, "done", {})],
+                [
+                    JournalLine(2 * each - 1, each, "sent", {"text": "x" * size}),
+                    JournalLine(2 * each, each, "done", {}),
+                ],
             )
             tell(f"line {name} {2 * each}")
 

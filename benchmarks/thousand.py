@@ -29,11 +29,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from cellwright.engine.formats.interop.measurements import goal
-from cellwright.engine.pipelines.planning import planned
-from cellwright.kb.loader import find, load, with_goals
-from cellwright.kb.loader.amounts import standing
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.formats.interop.measurement_edits import measurement_goal
+from cellwright.engine.pipelines.planning.checked_plan import plan_and_ground
+from cellwright.kb.loader import find_target, load, with_goals
+from cellwright.kb.loader.problem_amounts import cell_points
+from cellwright.kb.model.planning_problem import Problem
 
 BARS = {1_000: (20.0, 700.0), 10_000: (300.0, 3_000.0)}  # points: seconds of the processor, megabytes
 ONE_S = 0.3
@@ -89,7 +89,7 @@ def chain(kind: str, source: Path, folder: Path) -> dict[str, Any]:
         "schedule": stage("schedule", str(plan), "--format", "json", output=folder / "schedule.json"),
     }
     answer = json.loads(plan.read_text())["data"]
-    loaded = load(find(str(problem))).problem
+    loaded = load(find_target(str(problem))).problem
     assert loaded is not None
     return {
         "source": source.name,
@@ -125,7 +125,7 @@ def travel(problem: Problem, answer: Mapping[str, Any]) -> tuple[int, int]:
 def one_point(problem: Problem, path: Path) -> dict[str, float]:
     """Seconds of the processor for a plan of one measurement, alone and as a command, and the operators grounded for it."""
     name = sorted(problem.objects)[len(problem.objects) // 2]
-    asked = goal(name, problem.domain.conventions)
+    asked = measurement_goal(name, problem.domain.conventions)
     whole = stage("plan", str(path), "--goals", asked, "--format", "json")
     receiving, sending = os.pipe()
     child = os.fork()
@@ -141,16 +141,16 @@ def one_point(problem: Problem, path: Path) -> dict[str, float]:
 
 def _planned_alone(problem: Problem, asked: str) -> dict[str, float]:
     """Modules and the cell are loaded first, by a plan for a small problem of the same domain."""
-    small = load(find(f"{problem.domain.name}/one_point")).problem
+    small = load(find_target(f"{problem.domain.name}/one_point")).problem
     assert small is not None
-    planned(small)
-    standing(problem.domain)("home")
+    plan_and_ground(small)
+    cell_points(problem.domain)("home")
     single = with_goals(problem.domain, asked, problem)
     gc.set_threshold(
         100_000
     )  # as the commands do: else what this benchmark itself keeps is looked through again and again
     started = time.process_time()
-    _, task = planned(single)
+    _, task = plan_and_ground(single)
     return {"cpu_s": time.process_time() - started, "operators": len(task.operators)}
 
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cellwright.engine.model.geometry import Floats
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.kb.loader.reader import Findings
-from cellwright.kb.loader.urdf import arm_of
-from cellwright.kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
-from cellwright.kb.model.shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.kb.loader.reader import LoadFindings
+from cellwright.kb.loader.urdf import urdf_arm
+from cellwright.kb.model.body_shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
+from cellwright.kb.model.cell_model import Body, BodyKind, Cell, MountedArm, Placement
 
 KINDS = ("bookshelf_small", "bookshelf_tall", "box", "cage", "table_pick")
 
@@ -27,13 +27,13 @@ class Task:
     """A cell, and the start and goal configurations (2, 6) of its motion planning problem."""
 
     name: str
-    world: World
+    world: GeometricWorld
     ends: Floats
 
 
 def tasks(folder: Path, numbers: range = range(1, 2)) -> list[Task]:
     """The cells of these numbers, of every kind."""
-    arm = MountedArm(arm_of(folder / "ur5_spherized.urdf", folder / "ur5.srdf", None, [], Findings()))
+    arm = MountedArm(urdf_arm(folder / "ur5_spherized.urdf", folder / "ur5.srdf", None, [], LoadFindings()))
     wanted = {
         f"{kind}_ur5/{part}{n:04}.yaml" for kind in KINDS for part in ("scene", "request") for n in numbers
     }
@@ -62,7 +62,7 @@ def _task(name: str, arm: MountedArm, scene: dict[str, Any], request: dict[str, 
         each["joint_name"]: each["position"] for each in request["goal_constraints"][0]["joint_constraints"]
     }
     ends = np.array([[float(values[joint]) for joint in joints] for values in (given, goal)])
-    return Task(name, World.of(cell), ends)
+    return Task(name, GeometricWorld.of(cell), ends)
 
 
 def _body(entry: dict[str, Any]) -> Body:

@@ -16,84 +16,93 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cellwright.answers import Answer as Answer
-    from cellwright.answers import Told as Told
-    from cellwright.cases import DecisionTree as DecisionTree
-    from cellwright.cases import Diagnosed as Diagnosed
-    from cellwright.cases import decision_tree as decision_tree
-    from cellwright.cases import diagnose as diagnose
+    from cellwright.diagnosis_functions import DecisionTree as DecisionTree
+    from cellwright.diagnosis_functions import Diagnosed as Diagnosed
+    from cellwright.diagnosis_functions import decision_tree as decision_tree
+    from cellwright.diagnosis_functions import diagnose as diagnose
     from cellwright.engine.model.outcome import Found as Found
     from cellwright.engine.model.outcome import GaveUp as GaveUp
     from cellwright.engine.model.outcome import Infeasible as Infeasible
     from cellwright.engine.model.outcome import Outcome as Outcome
-    from cellwright.files import Imported as Imported
-    from cellwright.files import compare_golden as compare_golden
-    from cellwright.files import devices as devices
-    from cellwright.files import export_behaviour_tree as export_behaviour_tree
-    from cellwright.files import export_pddl as export_pddl
-    from cellwright.files import export_qif as export_qif
-    from cellwright.files import format_files as format_files
-    from cellwright.files import import_points as import_points
-    from cellwright.files import init as init
-    from cellwright.files import read_pddl as read_pddl
-    from cellwright.files import read_pddl_plan as read_pddl_plan
-    from cellwright.files import schema as schema
-    from cellwright.files import write_pddl_plan as write_pddl_plan
+    from cellwright.file_functions import Imported as Imported
+    from cellwright.file_functions import compare_golden as compare_golden
+    from cellwright.file_functions import devices as devices
+    from cellwright.file_functions import export_behaviour_tree as export_behaviour_tree
+    from cellwright.file_functions import export_pddl as export_pddl
+    from cellwright.file_functions import export_qif as export_qif
+    from cellwright.file_functions import format_files as format_files
+    from cellwright.file_functions import import_points as import_points
+    from cellwright.file_functions import init as init
+    from cellwright.file_functions import read_pddl as read_pddl
+    from cellwright.file_functions import read_pddl_plan as read_pddl_plan
+    from cellwright.file_functions import schema as schema
+    from cellwright.file_functions import write_pddl_plan as write_pddl_plan
+    from cellwright.geometry_functions import align as align
+    from cellwright.geometry_functions import assemble as assemble
+    from cellwright.geometry_functions import cell as cell
+    from cellwright.geometry_functions import fit as fit
+    from cellwright.geometry_functions import image as image
+    from cellwright.geometry_functions import measurements as measurements
+    from cellwright.geometry_functions import motion as motion
+    from cellwright.geometry_functions import place as place
+    from cellwright.geometry_functions import recognise as recognise
+    from cellwright.geometry_functions import states as states
+    from cellwright.geometry_functions import travel as travel
     from cellwright.kb.diagnostics import Diagnostic as Diagnostic
     from cellwright.kb.diagnostics import InvalidInput as InvalidInput
-    from cellwright.kb.model.plan import Plan as Plan
-    from cellwright.kb.model.plan import Step as Step
-    from cellwright.kb.model.problem import Problem as Problem
-    from cellwright.libraries import back_up as back_up
-    from cellwright.libraries import check_store as check_store
-    from cellwright.libraries import export_macros as export_macros
-    from cellwright.libraries import forget as forget
-    from cellwright.libraries import import_macros as import_macros
-    from cellwright.libraries import keep_sequence as keep_sequence
-    from cellwright.libraries import learn as learn
-    from cellwright.libraries import macros as macros
-    from cellwright.libraries import migrate as migrate
-    from cellwright.libraries import prepare as prepare
-    from cellwright.libraries import restore as restore
-    from cellwright.measuring import align as align
-    from cellwright.measuring import fit as fit
-    from cellwright.measuring import image as image
-    from cellwright.measuring import measurements as measurements
-    from cellwright.measuring import recognise as recognise
-    from cellwright.places import assemble as assemble
-    from cellwright.places import cell as cell
-    from cellwright.places import motion as motion
-    from cellwright.places import place as place
-    from cellwright.places import states as states
-    from cellwright.places import travel as travel
-    from cellwright.plans import Planned as Planned
-    from cellwright.plans import Revised as Revised
-    from cellwright.plans import Verdict as Verdict
-    from cellwright.plans import plan as plan
-    from cellwright.plans import revise as revise
-    from cellwright.plans import validate as validate
-    from cellwright.reasons import Checked as Checked
-    from cellwright.reasons import Explained as Explained
-    from cellwright.reasons import Reason as Reason
-    from cellwright.reasons import check as check
-    from cellwright.reasons import explain as explain
-    from cellwright.reasons import why as why
-    from cellwright.requests import load as load
-    from cellwright.running import Ran as Ran
-    from cellwright.running import results as results
-    from cellwright.running import resume as resume
-    from cellwright.running import run as run
-    from cellwright.running import runs as runs
-    from cellwright.running import tell as tell
-    from cellwright.times import Scheduled as Scheduled
-    from cellwright.times import Toured as Toured
-    from cellwright.times import schedule as schedule
-    from cellwright.times import sequence as sequence
+    from cellwright.kb.model.plan_model import Plan as Plan
+    from cellwright.kb.model.plan_model import Step as Step
+    from cellwright.kb.model.planning_problem import Problem as Problem
+    from cellwright.library_base import Answer as Answer
+    from cellwright.library_base import Told as Told
+    from cellwright.library_base import load as load
+    from cellwright.plan_functions import Checked as Checked
+    from cellwright.plan_functions import Explained as Explained
+    from cellwright.plan_functions import Planned as Planned
+    from cellwright.plan_functions import Reason as Reason
+    from cellwright.plan_functions import Revised as Revised
+    from cellwright.plan_functions import Verdict as Verdict
+    from cellwright.plan_functions import check as check
+    from cellwright.plan_functions import explain as explain
+    from cellwright.plan_functions import plan as plan
+    from cellwright.plan_functions import revise as revise
+    from cellwright.plan_functions import validate as validate
+    from cellwright.plan_functions import why as why
+    from cellwright.run_functions import Ran as Ran
+    from cellwright.run_functions import results as results
+    from cellwright.run_functions import resume as resume
+    from cellwright.run_functions import run as run
+    from cellwright.run_functions import runs as runs
+    from cellwright.run_functions import tell as tell
+    from cellwright.schedule_functions import Scheduled as Scheduled
+    from cellwright.schedule_functions import Toured as Toured
+    from cellwright.schedule_functions import schedule as schedule
+    from cellwright.schedule_functions import sequence as sequence
+    from cellwright.store_functions import back_up as back_up
+    from cellwright.store_functions import check_store as check_store
+    from cellwright.store_functions import export_macros as export_macros
+    from cellwright.store_functions import forget as forget
+    from cellwright.store_functions import import_macros as import_macros
+    from cellwright.store_functions import keep_sequence as keep_sequence
+    from cellwright.store_functions import learn as learn
+    from cellwright.store_functions import macros as macros
+    from cellwright.store_functions import migrate as migrate
+    from cellwright.store_functions import prepare as prepare
+    from cellwright.store_functions import restore as restore
 
 _WHERE = {
-    "cellwright.answers": ("Answer", "Told"),
-    "cellwright.cases": ("DecisionTree", "Diagnosed", "decision_tree", "diagnose"),
-    "cellwright.files": (
+    "cellwright.library_base": (
+        "Answer",
+        "Told",
+        "load",
+    ),
+    "cellwright.diagnosis_functions": (
+        "DecisionTree",
+        "Diagnosed",
+        "decision_tree",
+        "diagnose",
+    ),
+    "cellwright.file_functions": (
         "Imported",
         "compare_golden",
         "devices",
@@ -108,7 +117,7 @@ _WHERE = {
         "schema",
         "write_pddl_plan",
     ),
-    "cellwright.libraries": (
+    "cellwright.store_functions": (
         "back_up",
         "check_store",
         "export_macros",
@@ -121,17 +130,62 @@ _WHERE = {
         "prepare",
         "restore",
     ),
-    "cellwright.measuring": ("align", "fit", "image", "measurements", "recognise"),
-    "cellwright.places": ("assemble", "cell", "motion", "place", "states", "travel"),
-    "cellwright.plans": ("Planned", "Revised", "Verdict", "plan", "revise", "validate"),
-    "cellwright.reasons": ("Checked", "Explained", "Reason", "check", "explain", "why"),
-    "cellwright.requests": ("load",),
-    "cellwright.running": ("Ran", "results", "resume", "run", "runs", "tell"),
-    "cellwright.times": ("Scheduled", "Toured", "schedule", "sequence"),
-    "cellwright.engine.model.outcome": ("Found", "GaveUp", "Infeasible", "Outcome"),
-    "cellwright.kb.diagnostics": ("Diagnostic", "InvalidInput"),
-    "cellwright.kb.model.plan": ("Plan", "Step"),
-    "cellwright.kb.model.problem": ("Problem",),
+    "cellwright.geometry_functions": (
+        "align",
+        "fit",
+        "image",
+        "measurements",
+        "recognise",
+        "assemble",
+        "cell",
+        "motion",
+        "place",
+        "states",
+        "travel",
+    ),
+    "cellwright.plan_functions": (
+        "Planned",
+        "Revised",
+        "Verdict",
+        "plan",
+        "revise",
+        "validate",
+        "Checked",
+        "Explained",
+        "Reason",
+        "check",
+        "explain",
+        "why",
+    ),
+    "cellwright.run_functions": (
+        "Ran",
+        "results",
+        "resume",
+        "run",
+        "runs",
+        "tell",
+    ),
+    "cellwright.schedule_functions": (
+        "Scheduled",
+        "Toured",
+        "schedule",
+        "sequence",
+    ),
+    "cellwright.engine.model.outcome": (
+        "Found",
+        "GaveUp",
+        "Infeasible",
+        "Outcome",
+    ),
+    "cellwright.kb.diagnostics": (
+        "Diagnostic",
+        "InvalidInput",
+    ),
+    "cellwright.kb.model.plan_model": (
+        "Plan",
+        "Step",
+    ),
+    "cellwright.kb.model.planning_problem": ("Problem",),
 }
 """The public names, by the module that has each."""
 
@@ -218,9 +272,9 @@ def __getattr__(name: str) -> Any:
     """A public name, imported when it is first asked for."""
     if name not in _MODULES:
         raise AttributeError(f"module 'cellwright' has no attribute '{name}'")
-    found = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = found
-    return found
+    public_value = getattr(import_module(_MODULES[name]), name)
+    globals()[name] = public_value
+    return public_value
 
 
 def __dir__() -> list[str]:

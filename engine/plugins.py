@@ -1,4 +1,4 @@
-"""Finds the implementations of the engine's ports among the entry points of the installed packages.
+"""Finds the implementations of the engine's ports among the installed packages' entry points.
 
 The engine's own implementations are registered in the same way as those of other packages.
 """
@@ -8,18 +8,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from cellwright.engine.ports import ContactFilter, Driver, DriverSetup, GeometryBackend
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 
 if TYPE_CHECKING:
-    from cellwright.kb.model.contacts import ContactModel
+    from cellwright.kb.model.contact_model import ContactModel
 
-GEOMETRY = "cellwright.geometry"
+GEOMETRY_GROUP = "cellwright.geometry"
 OWN_GEOMETRY = "cellwright.engine.stages.geometry.collision.builtin"
 CONTACT_FILTERS = "cellwright.contact_filters"
-DRIVERS = "cellwright.drivers"
+DRIVER_GROUP = "cellwright.drivers"
 
 
-def known(group: str) -> list[str]:
+def registered_names(group: str) -> list[str]:
     """The names that are registered in a group. The packages that they need may be missing."""
     from importlib import metadata
 
@@ -32,33 +32,33 @@ def geometry_backend(name: str = "builtin") -> GeometryBackend:
     Raises `InvalidInput` when it is unknown or its package is not installed.
     """
     own = import_module(OWN_GEOMETRY) if name == "builtin" else None
-    backend: GeometryBackend = own.BuiltinBackend() if own else _load(GEOMETRY, name)()
+    backend: GeometryBackend = own.BuiltinBackend() if own else _load_plugin(GEOMETRY_GROUP, name)()
     return backend
 
 
 def contact_filter(name: str, model: "ContactModel") -> ContactFilter:
     """The filter of contact states of this name, made for a contact model. Raises `InvalidInput` as `geometry_backend` does."""
-    made: ContactFilter = _load(CONTACT_FILTERS, name)(model)
-    return made
+    contact_filter_made: ContactFilter = _load_plugin(CONTACT_FILTERS, name)(model)
+    return contact_filter_made
 
 
-def driver(name: str, setup: DriverSetup) -> Driver:
+def make_driver(name: str, setup: DriverSetup) -> Driver:
     """The driver of this name, made for a run. Raises `InvalidInput` as `geometry_backend` does."""
-    made: Driver = _load(DRIVERS, name)(setup)
-    return made
+    driver_made: Driver = _load_plugin(DRIVER_GROUP, name)(setup)
+    return driver_made
 
 
-def _load(group: str, name: str) -> Callable[..., Any]:
+def _load_plugin(group: str, name: str) -> Callable[..., Any]:
     from importlib import metadata
 
-    found = [point for point in metadata.entry_points(group=group) if point.name == name]
-    if not found:
-        names = known(group)
+    entry_points = [point for point in metadata.entry_points(group=group) if point.name == name]
+    if not entry_points:
+        names = registered_names(group)
         again = "install this version again: none of its plug-ins of this kind is registered"
-        hint = nearest(name, names) or (f"one of: {', '.join(names)}" if names else again)
+        hint = nearest_hint(name, names) or (f"one of: {', '.join(names)}" if names else again)
         raise InvalidInput([Diagnostic(Source(name), "K414", f"no plug-in of this name for {group}", hint)])
     try:
-        factory: Callable[..., Any] = found[0].load()
+        factory: Callable[..., Any] = entry_points[0].load()
     except ImportError as error:
         hint = f"pip install 'cellwright[{name}]'"
         message = f"the plug-in '{name}' needs a package that is not installed: {error.name}"

@@ -4,14 +4,15 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from cellwright.engine.model.geometry import Contact, Floats, Scene, Truths
+from cellwright.engine.kernels.arrays import Floats, Truths
+from cellwright.engine.model.geometry import CollisionScene, Contact
 
 if TYPE_CHECKING:
     from cellwright.engine.kernels.geometry.edges import Edges
     from cellwright.engine.kernels.geometry.proof import Proof
-    from cellwright.engine.model.execution import Command, Message, Report
-    from cellwright.kb.model.octuples import Octuple
-    from cellwright.kb.model.problem import Problem
+    from cellwright.engine.model.run_protocol import DriverCommand, Message, Report
+    from cellwright.kb.model.contact_model import Octuple
+    from cellwright.kb.model.planning_problem import Problem
 
 
 class CollisionChecker(Protocol):
@@ -25,7 +26,7 @@ class CollisionChecker(Protocol):
     """
 
     @property
-    def scene(self) -> Scene:
+    def scene(self) -> CollisionScene:
         """The scene that is checked."""
         ...
 
@@ -48,7 +49,7 @@ class CollisionChecker(Protocol):
         ...
 
 
-class MotionGround(CollisionChecker, Protocol):
+class MotionScene(CollisionChecker, Protocol):
     """A checker that motions are planned on. It has joints: its scene is not free."""
 
     def lines(self, step: float, margin_m: float = 0.0) -> "Edges":
@@ -62,7 +63,7 @@ class MotionGround(CollisionChecker, Protocol):
         """What proves that nothing comes within `margin_m` anywhere on a path, by stretches of motions down to `finest_m`."""
         ...
 
-    def covered(self, wrist: Sequence[int], start: Floats, goal: Floats) -> "MotionGround":
+    def covered(self, wrist: Sequence[int], start: Floats, goal: Floats) -> "MotionScene":
         """The ground where one box stands for all that the joints `wrist` carry.
 
         It covers them at all their values between two configurations (k,). It moves with what the first of them stands on.
@@ -73,11 +74,11 @@ class MotionGround(CollisionChecker, Protocol):
         """For each pair of the scene, which of the moving joints change how far apart it is; none if that is not known."""
         ...
 
-    def only(self, rows: Sequence[int]) -> "MotionGround":
+    def only(self, rows: Sequence[int]) -> "MotionScene":
         """The ground of some pairs of the scene, given by their numbers. All else is left out."""
         ...
 
-    def changed_since(self, before: "MotionGround") -> "MotionGround | None":
+    def changed_since(self, before: "MotionScene") -> "MotionScene | None":
         """The ground on which nothing is checked but the pairs that only one of this ground and another has.
 
         None if their joints differ, so that everything has changed.
@@ -93,7 +94,7 @@ class MotionGround(CollisionChecker, Protocol):
         ...
 
 
-class Hand(Protocol):
+class MovingHand(Protocol):
     """The hand of the arm that moves, for planners that think in the room. Configurations are those of the ground (n, k)."""
 
     def poses(self, q: Floats) -> Floats:
@@ -125,11 +126,11 @@ class GeometryBackend(Protocol):
         """
         ...
 
-    def checker(self, scene: Scene) -> CollisionChecker:
+    def checker(self, scene: CollisionScene) -> CollisionChecker:
         """The checker for a scene. Raises `ValueError` when the backend cannot represent the scene."""
         ...
 
-    def checker_of_few(self, scene: Scene) -> CollisionChecker:
+    def checker_of_few(self, scene: CollisionScene) -> CollisionChecker:
         """The same for a scene with few pairs, without what makes many pairs quick."""
         ...
 
@@ -205,7 +206,7 @@ class Driver(Protocol):
         """
         ...
 
-    def send(self, commands: "Sequence[Command]") -> None:
+    def send(self, commands: "Sequence[DriverCommand]") -> None:
         """Hand over commands, in the order of their numbers. A command with a number that is known is not carried out again.
 
         CONTINUE has no reply. WAIT is answered `waiting` when its turn has come. Every other command gets exactly one reply,

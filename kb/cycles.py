@@ -1,10 +1,10 @@
-"""Python's search for reference cycles: rare in our processes, and off while millions of values are made that stay."""
+"""Settings of Python's garbage collector: rare searches, none while many values are made."""
 
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-SELDOM = 100_000  # new objects between two searches; Python itself has 700
+COLLECTION_THRESHOLD = 100_000  # new objects between two searches; Python itself has 700
 
 
 @contextmanager
@@ -37,14 +37,14 @@ def search_seldom() -> None:
     For a process that is ours alone. What it has loaded so far stays, and is looked at no more.
     """
     gc.freeze()
-    gc.set_threshold(SELDOM)
+    gc.set_threshold(COLLECTION_THRESHOLD)
 
 
 @contextmanager
 def seldom_searched() -> Iterator[None]:
     """A context in which Python looks for cycles as rarely as in a process of ours. For work inside other programs."""
     before = gc.get_threshold()
-    gc.set_threshold(SELDOM)
+    gc.set_threshold(COLLECTION_THRESHOLD)
     try:
         yield
     finally:

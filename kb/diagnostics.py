@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Collection, Iterable, Set
 from dataclasses import dataclass, field
 
-CODES = {
+DIAGNOSTIC_CODES = {
     "K001": "the file cannot be read",
     "K002": "not YAML",
     "K003": "duplicate key",
@@ -129,7 +129,7 @@ class Source:
     used: "Source | None" = field(default=None, compare=False)
 
     def __str__(self) -> str:
-        path = printable(self.path)
+        path = printable_line(self.path)
         return ":".join([path, *(str(part) for part in (self.line, self.column) if part)])
 
     def excerpt(self) -> list[str]:
@@ -137,22 +137,25 @@ class Source:
         if not self.text.strip():
             return []
         before = self.text[: self.column - 1 - self.cut]
-        shown = ("..." if self.cut else "") + printable(self.text)
+        shown = ("..." if self.cut else "") + printable_line(self.text)
         if not self.column:
             return [shown]
-        margin = "".join("\t" if each == "\t" else " " * _width(each) for each in printable(before))
+        margin = "".join(
+            "\t" if character == "\t" else " " * _character_width(character)
+            for character in printable_line(before)
+        )
         return [shown, f"{'   ' if self.cut else ''}{margin}^"]
 
 
 NOWHERE = Source("")
 
 
-def printable(text: str) -> str:
+def printable_line(text: str) -> str:
     """One line of text in which what would command the terminal is shown as `\\u001b`, line ends included."""
-    return escaped(text.replace("\n", "\\u000a"))
+    return escape_controls(text.replace("\n", "\\u000a"))
 
 
-def escaped(text: str) -> str:
+def escape_controls(text: str) -> str:
     """The text with `\\u001b` for each character that would control the terminal or change the direction of the text.
 
     Ends of lines stay. In JSON the result is the same text.
@@ -160,7 +163,7 @@ def escaped(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     # The pattern is compiled at the first use, because most runs report nothing.
-    return re.sub(_COMMANDING, lambda found: f"\\u{ord(found[0]):04x}", text)
+    return re.sub(_COMMANDING, lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
 _COMMANDING = (
@@ -168,7 +171,7 @@ _COMMANDING = (
 )
 
 
-def _width(character: str) -> int:
+def _character_width(character: str) -> int:
     """The number of columns that a character takes on a terminal."""
     if unicodedata.combining(character):
         return 0
@@ -187,35 +190,45 @@ class Diagnostic:
 
     def __str__(self) -> str:
         severity = "warning" if self.warning else "error"
-        lines = [f"{self.where}: {severity} {self.code}: {printable(self.message)}"]
+        lines = [f"{self.where}: {severity} {self.code}: {printable_line(self.message)}"]
         lines += [f"    {line}" for line in self.where.excerpt()]
         if self.where.used:
             lines.append(f"  used: {self.where.used}")
         if self.hint:
-            lines.append(f"  try: {printable(self.hint)}")
+            lines.append(f"  try: {printable_line(self.hint)}")
         return "\n".join(lines)
 
 
-def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+def order_diagnostics(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Each diagnostic once: errors, then warnings; causes before what follows from them; then by place.
 
     A name that is unknown in several places of a file is told once, with the other lines.
     """
-    found = sorted(set(diagnostics))
+    unique = sorted(set(diagnostics))
     unknown: dict[tuple[str, str], list[Diagnostic]] = {}
-    for each in found:
-        if each.code == "K101":
-            unknown.setdefault((each.where.path, each.message), []).append(each)
+    for finding in unique:
+        if finding.code == "K101":
+            unknown.setdefault((finding.where.path, finding.message), []).append(finding)
     firsts = {same[0]: same for same in unknown.values()}
-    told = [_with_lines(firsts[each]) if each in firsts else each for each in found]
-    kept = (each for each, old in zip(told, found, strict=True) if old.code != "K101" or old in firsts)
-    return tuple(sorted(kept, key=lambda each: (each.warning, _rank(each.code), each)))
+    merged = [
+        _with_lines(firsts[diagnostic]) if diagnostic in firsts else diagnostic for diagnostic in unique
+    ]
+    remaining = (
+        diagnostic
+        for diagnostic, old in zip(merged, unique, strict=True)
+        if old.code != "K101" or old in firsts
+    )
+    return tuple(
+        sorted(
+            remaining, key=lambda diagnostic: (diagnostic.warning, _code_rank(diagnostic.code), diagnostic)
+        )
+    )
 
 
 def _with_lines(same: list[Diagnostic]) -> Diagnostic:
     """The first of several diagnostics about one name, with the lines of the others in its hint."""
     first, *others = same
-    lines = sorted({each.where.line for each in others} - {first.where.line})
+    lines = sorted({diagnostic.where.line for diagnostic in others} - {first.where.line})
     if not lines:
         return first
     shown = ", ".join(map(str, lines[:3])) + (f" and {len(lines) - 3} more" if len(lines) > 3 else "")
@@ -233,7 +246,7 @@ _CAUSES = (
 )  # what other findings may follow from, the deepest cause first
 
 
-def _rank(code: str) -> int:
+def _code_rank(code: str) -> int:
     return next((rank for rank, codes in enumerate(_CAUSES) if re.match(codes, code)), len(_CAUSES))
 
 
@@ -241,31 +254,31 @@ class InvalidInput(Exception):
     """The input has errors. The exception carries all diagnostics, the most important first."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
-        self.diagnostics = in_order(diagnostics)
+        self.diagnostics = order_diagnostics(diagnostics)
         super().__init__("\n".join(map(str, self.diagnostics)))
 
 
-def nearest(name: str, known: Collection[str]) -> str:
+def nearest_hint(name: str, known: Collection[str]) -> str:
     """The hint "did you mean ...?" for a misspelt name; empty if no known name is similar."""
     near = difflib.get_close_matches(name, sorted(known), n=5)
-    best = max(near, key=lambda each: each[:1] == name[:1], default="")
+    best = max(near, key=lambda candidate: candidate[:1] == name[:1], default="")
     return f"did you mean '{best}'?" if best else ""
 
 
-def suggested(hint: str) -> str:
+def suggested_name(hint: str) -> str:
     """The name that a hint of `nearest` suggests; empty if it suggests none."""
-    found = re.search(r"did you mean '([^']+)'\?", hint)
-    return found[1] if found else ""
+    match = re.search(r"did you mean '([^']+)'\?", hint)
+    return match[1] if match else ""
 
 
 def unknown_name(kind: str, name: str, known: Collection[str], where: Source) -> Diagnostic:
     """The diagnostic for a name that is not declared, with the most similar known name or some of the known names."""
     shown = (sorted(known) if isinstance(known, Set) else list(known))[:8]
     some = ", ".join(shown) + (", ..." if len(known) > len(shown) else "")
-    hint = nearest(name, known) or (f"known: {some}" if shown else "declare it first")
+    hint = nearest_hint(name, known) or (f"known: {some}" if shown else "declare it first")
     return Diagnostic(where, "K101", f"unknown {kind} '{name[:60]}'", hint)
 
 
-def errors(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+def select_errors(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     """The diagnostics that are not warnings."""
     return [diagnostic for diagnostic in diagnostics if not diagnostic.warning]

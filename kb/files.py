@@ -1,4 +1,4 @@
-"""The text of a file, read with care: only regular files of limited size, in UTF-8, without control characters."""
+"""Reads files with care: regular ones of limited size, in UTF-8, or an editor's unsaved text."""
 
 import bisect
 import os
@@ -10,16 +10,16 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
 
-MAX_BYTES = 64 * 2**20  # of a file that people write, or that an import writes for them
-EXCERPT = 160  # characters of a line shown in a message
+MAX_FILE_BYTES = 64 * 2**20  # of a file that people write, or that an import writes for them
+MAX_EXCERPT_CHARACTERS = 160  # characters of a line shown in a message
 ASCII = "[^\t\n\r\x20-\x7e]"
 UNICODE = "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 
 
 @dataclass
-class Desk:
+class UnsavedTexts:
     """Texts that are read in place of files, as an editor holds them unsaved; and the files that were read, in order.
 
     Both go by absolute paths.
@@ -33,13 +33,13 @@ class Desk:
         return self.unsaved.get(os.path.abspath(path))
 
 
-_desk: ContextVar[Desk | None] = ContextVar("desk", default=None)
+_desk: ContextVar[UnsavedTexts | None] = ContextVar("desk", default=None)
 
 
 @contextmanager
-def reading(unsaved: Mapping[str, str]) -> Iterator[Desk]:
+def read_unsaved(unsaved: Mapping[str, str]) -> Iterator[UnsavedTexts]:
     """A context in which these texts are read in place of the files at their absolute paths. It notes what is read."""
-    desk = Desk(unsaved)
+    desk = UnsavedTexts(unsaved)
     before = _desk.set(desk)
     try:
         yield desk
@@ -58,7 +58,7 @@ class File:
     @classmethod
     def of(cls, path: str, text: str) -> "File":
         """A file with this text."""
-        return cls(path, text, (0, *(found.end() for found in re.finditer("\n", text))))
+        return cls(path, text, (0, *(newline.end() for newline in re.finditer("\n", text))))
 
     def beside(self, path: Path) -> "File":
         """Another file that belongs to this one. Raises `InvalidInput` if it cannot be read as text."""
@@ -72,9 +72,9 @@ class File:
         """The place of a character. It takes the same time for lines of any length."""
         line = bisect.bisect_right(self.line_starts, index)
         start = self.line_starts[line - 1]
-        end = self.text.find("\n", index, index + EXCERPT)
-        end = end if end >= 0 else min(index + EXCERPT, len(self.text))
-        first = max(start, index - EXCERPT) if end - start > EXCERPT else start
+        end = self.text.find("\n", index, index + MAX_EXCERPT_CHARACTERS)
+        end = end if end >= 0 else min(index + MAX_EXCERPT_CHARACTERS, len(self.text))
+        first = max(start, index - MAX_EXCERPT_CHARACTERS) if end - start > MAX_EXCERPT_CHARACTERS else start
         return Source(self.path, line, index - start + 1, self.text[first:end].rstrip("\r"), first - start)
 
     def line(self, number: int, column: int) -> Source:
@@ -84,26 +84,26 @@ class File:
         return self.at(min(self.line_starts[number - 1] + max(column - 1, 0), len(self.text)))
 
 
-def unprintable(text: str) -> re.Match[str] | None:
+def find_unprintable(text: str) -> re.Match[str] | None:
     """The first character that is not allowed. Most texts are ASCII, for which a small pattern is enough."""
     return re.search(ASCII if text.isascii() else UNICODE, text)
 
 
-def similar(path: Path) -> str:
+def similar_file_hint(path: Path) -> str:
     """The hint for a file that is not there: one beside it whose name is like it; empty if there is none."""
     try:
-        names = [each.name for each in os.scandir(path.parent) if each.name[:1] != "."]
+        names = [entry.name for entry in os.scandir(path.parent) if entry.name[:1] != "."]
     except (OSError, ValueError):
         return ""
-    found = nearest(path.name, names)
+    hint = nearest_hint(path.name, names)
     return (
-        found.replace("did you mean '", f"did you mean '{path.parent}{os.sep}")
-        if found and path.parent != Path()
-        else found
+        hint.replace("did you mean '", f"did you mean '{path.parent}{os.sep}")
+        if hint and path.parent != Path()
+        else hint
     )
 
 
-def read_file(path: Path, name: str | None = None, most: int = MAX_BYTES) -> File:
+def read_file(path: Path, name: str | None = None, most: int = MAX_FILE_BYTES) -> File:
     """The text of `path`, of at most so many bytes. Raises `InvalidInput` if it cannot be read as text."""
     name = name or str(path)
     data = read_bytes(path, name, most)
@@ -118,18 +118,18 @@ def read_file(path: Path, name: str | None = None, most: int = MAX_BYTES) -> Fil
         raise InvalidInput(
             [Diagnostic(where, "K001", f"not UTF-8: byte {data[error.start]:#04x}", hint)]
         ) from None
-    if found := unprintable(file.text):
-        message = f"the control character U+{ord(found[0]):04X} is not allowed in a text"
-        raise InvalidInput([Diagnostic(file.at(found.start()), "K001", message, "remove it")])
+    if control := find_unprintable(file.text):
+        message = f"the control character U+{ord(control[0]):04X} is not allowed in a text"
+        raise InvalidInput([Diagnostic(file.at(control.start()), "K001", message, "remove it")])
     return file
 
 
-def read_bytes(path: Path, name: str, most: int = MAX_BYTES) -> bytes:
+def read_bytes(path: Path, name: str, most: int = MAX_FILE_BYTES) -> bytes:
     """The bytes of a regular file of at most so many. Raises `InvalidInput`."""
-    if (held := _held(path, noted=True)) is not None:
-        if len(held) > most:
+    if (unsaved := _editor_text(path, noted=True)) is not None:
+        if len(unsaved) > most:
             raise InvalidInput([_too_large(name, most)])
-        return held
+        return unsaved
     try:
         status = path.stat()
         if stat.S_ISREG(status.st_mode) and status.st_size <= most:
@@ -138,18 +138,18 @@ def read_bytes(path: Path, name: str, most: int = MAX_BYTES) -> bytes:
             if len(data) <= most:
                 return data
     except (OSError, ValueError) as error:
-        said = getattr(error, "strerror", None) or str(error)
-        hint = similar(path) if isinstance(error, FileNotFoundError) else ""
+        reason = getattr(error, "strerror", None) or str(error)
+        hint = similar_file_hint(path) if isinstance(error, FileNotFoundError) else ""
         raise InvalidInput(
-            [Diagnostic(Source(name), "K001", f"cannot be read: {said.lower()}", hint)]
+            [Diagnostic(Source(name), "K001", f"cannot be read: {reason.lower()}", hint)]
         ) from None
     if stat.S_ISDIR(status.st_mode):
-        found = Diagnostic(Source(name), "K001", "this is a folder, not a file", "name a file in it")
+        diagnostic = Diagnostic(Source(name), "K001", "this is a folder, not a file", "name a file in it")
     elif not stat.S_ISREG(status.st_mode):
-        found = Diagnostic(Source(name), "K001", "not a regular file", "pipes and devices are not read")
+        diagnostic = Diagnostic(Source(name), "K001", "not a regular file", "pipes and devices are not read")
     else:
-        found = _too_large(name, most)
-    raise InvalidInput([found])
+        diagnostic = _too_large(name, most)
+    raise InvalidInput([diagnostic])
 
 
 def foreign_bytes(path: Path, code: str, what: str, most: int) -> bytes:
@@ -157,12 +157,16 @@ def foreign_bytes(path: Path, code: str, what: str, most: int) -> bytes:
     try:
         return read_bytes(path, str(path), most)
     except InvalidInput as error:
-        found = error.diagnostics[0]
-        said = found.message.removeprefix("cannot be read: ")
+        diagnostic = error.diagnostics[0]
+        reason = diagnostic.message.removeprefix("cannot be read: ")
         hint = (
-            "take a smaller file" if found.code == "K007" else found.hint or "is it a file that can be read?"
+            "take a smaller file"
+            if diagnostic.code == "K007"
+            else diagnostic.hint or "is it a file that can be read?"
         )
-        raise InvalidInput([Diagnostic(found.where, code, f"{what} cannot be read: {said}", hint)]) from None
+        raise InvalidInput(
+            [Diagnostic(diagnostic.where, code, f"{what} cannot be read: {reason}", hint)]
+        ) from None
 
 
 def _too_large(name: str, most: int) -> Diagnostic:
@@ -170,7 +174,7 @@ def _too_large(name: str, most: int) -> Diagnostic:
     return Diagnostic(Source(name), "K007", f"larger than {most // 2**20} MiB", hint)
 
 
-def _held(path: Path, noted: bool = False) -> bytes | None:
+def _editor_text(path: Path, noted: bool = False) -> bytes | None:
     """What an editor holds for a file, as bytes; None if it does not. With `noted`, the file counts as read."""
     if (desk := _desk.get()) is None:
         return None
@@ -182,8 +186,8 @@ def _held(path: Path, noted: bool = False) -> bytes | None:
 
 def first_bytes(path: Path, most: int) -> bytes:
     """The first bytes of a file; empty if it cannot be read."""
-    if (held := _held(path)) is not None:
-        return held[:most]
+    if (unsaved := _editor_text(path)) is not None:
+        return unsaved[:most]
     if not is_file(path):
         return b""
     try:
@@ -195,7 +199,7 @@ def first_bytes(path: Path, most: int) -> bytes:
 
 def is_file(path: Path) -> bool:
     """Whether there is a regular file of this name. For an impossible name, the answer is no."""
-    if _held(path) is not None:
+    if _editor_text(path) is not None:
         return True
     try:
         return path.is_file()
@@ -205,7 +209,7 @@ def is_file(path: Path) -> bool:
 
 def is_there(path: Path) -> bool:
     """Whether anything has this name: a file, a folder, a device, or a link to nothing."""
-    if _held(path) is not None:
+    if _editor_text(path) is not None:
         return True
     try:
         path.lstat()
@@ -214,7 +218,7 @@ def is_there(path: Path) -> bool:
     return True
 
 
-def within(folder: Path, name: str) -> Path | None:
+def path_below(folder: Path, name: str) -> Path | None:
     """The path of a name below a folder; None if the name leads out of it, also through links.
 
     The path is the folder's, with the name as it is written.

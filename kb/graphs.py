@@ -1,4 +1,4 @@
-"""Small directed graphs, as a mapping from each vertex to the vertices that it points at.
+"""Small directed graphs as mappings: strongly connected components and reachability.
 
 These few functions are enough here. Importing a graph library would take longer than planning a small
 problem.
@@ -10,7 +10,7 @@ from typing import TypeVar
 Vertex = TypeVar("Vertex", bound=Hashable)
 
 
-def components(graph: Mapping[Vertex, Iterable[Vertex]]) -> Iterator[list[Vertex]]:
+def strong_components(graph: Mapping[Vertex, Iterable[Vertex]]) -> Iterator[list[Vertex]]:
     """The strongly connected components; each comes after all components that it points at (Tarjan 1972,
     without recursion).
     """
@@ -25,7 +25,9 @@ def components(graph: Mapping[Vertex, Iterable[Vertex]]) -> Iterator[list[Vertex
         open_[root] = None
         while path:
             vertex, targets = path[-1]
-            new = next((target for target in targets if _met(target, vertex, numbers, lowest, open_)), None)
+            new = next(
+                (target for target in targets if _is_new_target(target, vertex, numbers, lowest, open_)), None
+            )
             if new is not None:
                 numbers[new] = lowest[new] = len(numbers)
                 open_[new] = None
@@ -35,10 +37,10 @@ def components(graph: Mapping[Vertex, Iterable[Vertex]]) -> Iterator[list[Vertex
             if path:
                 lowest[path[-1][0]] = min(lowest[path[-1][0]], lowest[vertex])
             if lowest[vertex] == numbers[vertex]:
-                yield _closed(vertex, open_)
+                yield _close_component(vertex, open_)
 
 
-def _met(
+def _is_new_target(
     target: Vertex,
     vertex: Vertex,
     numbers: dict[Vertex, int],
@@ -53,22 +55,22 @@ def _met(
     return False
 
 
-def _closed(vertex: Vertex, open_: dict[Vertex, None]) -> list[Vertex]:
+def _close_component(vertex: Vertex, open_: dict[Vertex, None]) -> list[Vertex]:
     """The component whose first vertex is `vertex`. Its vertices are removed from the open ones."""
-    found = []
+    component = []
     while True:
         last, _ = open_.popitem()
-        found.append(last)
+        component.append(last)
         if last == vertex:
-            return found[::-1]
+            return component[::-1]
 
 
-def reached(graph: Mapping[Vertex, Iterable[Vertex]], start: Vertex) -> set[Vertex]:
+def reachable_vertices(graph: Mapping[Vertex, Iterable[Vertex]], start: Vertex) -> set[Vertex]:
     """The vertices that a path from `start` leads to, with `start` itself."""
-    found, waiting = {start}, [start]
+    visited, waiting = {start}, [start]
     while waiting:
         for target in graph.get(waiting.pop(), ()):
-            if target not in found:
-                found.add(target)
+            if target not in visited:
+                visited.add(target)
                 waiting.append(target)
-    return found
+    return visited

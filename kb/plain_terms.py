@@ -1,4 +1,4 @@
-"""Names, whole numbers, variables and what they make up, read without a grammar: nearly every fact, goal and step is so.
+"""Reads plain terms without a grammar: names, whole numbers, variables and compounds of them.
 
 What is read here is read alike by the grammar of the language and by clingo. Everything else is left to them: operators,
 times, texts, very long or deep terms, and errors, so that only they say what is wrong.
@@ -9,11 +9,11 @@ import re
 
 from cellwright.kb.terms import Function, Number, Term, Variable
 
-LONGEST = 2_000  # characters; a longer text is left to others
-DEEPEST = 20  # brackets in brackets
-END = ""
+MAX_PLAIN_CHARACTERS = 2_000  # characters; a longer text is left to others
+MAX_PLAIN_DEPTH = 20  # brackets in brackets
+PLAIN_END = ""
 
-_TOKEN = re.compile(
+_PLAIN_TOKEN = re.compile(
     r"[a-z][A-Za-z0-9_']*|_(?![A-Za-z0-9_'])|[A-Z][A-Za-z0-9_']*|-?[0-9]+|[(),]|[^ \t]+", re.ASCII
 )
 _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]{0,8})", re.ASCII)
@@ -23,16 +23,16 @@ _VARIABLE = re.compile(r"_|[A-Z][A-Za-z0-9_']*", re.ASCII)
 
 def plain_terms(text: str) -> tuple[Term, ...] | None:
     """The terms of a list with commas; None if anything in it is not plain."""
-    if len(text) > LONGEST:
+    if len(text) > MAX_PLAIN_CHARACTERS:
         return None
-    tokens = [*_TOKEN.findall(text), END, END]
+    tokens = [*_PLAIN_TOKEN.findall(text), PLAIN_END, PLAIN_END]
     opened: list[tuple[str, list[Term]]] = []
     items: list[Term] = []
     at = 0
-    while (simple := _simple(token := tokens[at])) is not None:
+    while (simple := _simple_term(token := tokens[at])) is not None:
         at += 1
         if tokens[at] == "(":
-            if not isinstance(simple, Function) or len(opened) == DEEPEST:
+            if not isinstance(simple, Function) or len(opened) == MAX_PLAIN_DEPTH:
                 return None
             opened.append((token, items))
             items, at = [], at + 1
@@ -42,7 +42,7 @@ def plain_terms(text: str) -> tuple[Term, ...] | None:
             name, outer = opened.pop()
             outer.append(Function(name, tuple(items)))
             items, at = outer, at + 1
-        if tokens[at] == END:
+        if tokens[at] == PLAIN_END:
             return None if opened else tuple(items)
         if tokens[at] != ",":
             return None
@@ -51,7 +51,7 @@ def plain_terms(text: str) -> tuple[Term, ...] | None:
 
 
 @functools.lru_cache(maxsize=1 << 16)
-def _simple(token: str) -> Term | None:
+def _simple_term(token: str) -> Term | None:
     """A constant, a number or a variable; None for another token."""
     if _NAME.fullmatch(token):
         return Function(token) if token != "not" else None

@@ -1,4 +1,4 @@
-"""Whether what runs now shall stop, and how much memory it may take: asked by those who cannot be given the question as an argument."""
+"""The question whether to stop, and how much memory is left, for code without such an argument."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 
-class Stopped(BaseException):
+class StoppedByCaller(BaseException):
     """Whoever asked for an answer wants none any more: Ctrl-C, a request to terminate, or the end of the time.
 
     It is no `Exception`, so that none of those who catch what a foreign library raises takes it for that.
@@ -17,7 +17,7 @@ _LEFT: ContextVar[Callable[[], float]] = ContextVar("megabytes left", default=la
 _QUESTION: ContextVar[Callable[[], bool]] = ContextVar("whether to stop", default=lambda: False)
 
 
-def wanted() -> bool:
+def is_stop_wanted() -> bool:
     """Whether to stop."""
     return _QUESTION.get()()
 
@@ -28,7 +28,7 @@ def megabytes_left() -> float:
 
 
 @contextmanager
-def asking(question: Callable[[], bool], left: Callable[[], float] | None = None) -> Iterator[None]:
+def asking_to_stop(question: Callable[[], bool], left: Callable[[], float] | None = None) -> Iterator[None]:
     """A context in which `question` says whether to stop, and `left`, if given, how many megabytes of memory may still be taken."""
     before, room = _QUESTION.set(question), _LEFT.set(left or _LEFT.get())
     try:

@@ -1,24 +1,24 @@
-"""The file that a target names: a file, a folder, or a domain that comes with the engine, by path or by name."""
+"""Finds the file that a target names: a file, a folder, or a bundled domain."""
 
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from cellwright.kb.files import is_file, is_folder, is_there, similar
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
+from cellwright.kb.files import is_file, is_folder, is_there, similar_file_hint
 
 if TYPE_CHECKING:
-    from cellwright.kb.model.domain import Domain
+    from cellwright.kb.model.domain_model import Domain
 
 DOMAIN_FILE = "domain.yaml"
 CELL_FILE = "cell.yaml"
 CONTACTS_FILE = "contacts.yaml"
 DEVICE_FILE = "device.yaml"
 SCENE_FILE = "scene.yaml"
-DEVICES = "devices"  # the folder of devices: of those that come with the engine, and beside a domain
-BUNDLED = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
+DEVICES_FOLDER = "devices"  # the folder of devices: of those that come with the engine, and beside a domain
+BUNDLED_DOMAINS = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
 
-OTHERS = {  # files that are no target, by their endings: what they are, and which command takes them
+OTHER_FILES = {  # files that are no target, by their endings: what they are, and which command takes them
     ".lp": (
         "these are rules, not a problem",
         "name the problem, or the folder of the domain that includes it",
@@ -34,17 +34,17 @@ OTHERS = {  # files that are no target, by their endings: what they are, and whi
         "make a problem of its features: cellwright import qif FILE",
     ),
 }
-SLAB = "operations.tsv"  # a table of S-LAB
+SLAB_TABLE = "operations.tsv"  # a table of S-LAB
 
 
-def bundled() -> dict[str, Path]:
+def bundled_domains() -> dict[str, Path]:
     """The domains that come with the engine, by name."""
-    return {path.parent.name: path.parent for path in sorted(BUNDLED.glob(f"*/{DOMAIN_FILE}"))}
+    return {path.parent.name: path.parent for path in sorted(BUNDLED_DOMAINS.glob(f"*/{DOMAIN_FILE}"))}
 
 
 def bundled_devices() -> dict[str, Path]:
     """The devices that come with the engine, by name."""
-    return devices_in(BUNDLED / DEVICES)
+    return devices_in(BUNDLED_DOMAINS / DEVICES_FOLDER)
 
 
 def devices_in(folder: Path) -> dict[str, Path]:
@@ -52,7 +52,7 @@ def devices_in(folder: Path) -> dict[str, Path]:
     return {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{DEVICE_FILE}"))}
 
 
-def find(target: str) -> Path:
+def find_target(target: str) -> Path:
     """The file that a target names: a path, or by name a domain, or `domain/problem`, here or bundled. Raises `InvalidInput`.
 
     A domain in the working folder comes before a bundled one of its name, even if its file cannot be read.
@@ -60,14 +60,14 @@ def find(target: str) -> Path:
     path = Path(target)
     if is_there(path / DOMAIN_FILE):
         return path / DOMAIN_FILE
-    if is_file(path) and path.suffix.lower() in OTHERS:
-        raise InvalidInput([Diagnostic(Source(target), "K404", *OTHERS[path.suffix.lower()])])
+    if is_file(path) and path.suffix.lower() in OTHER_FILES:
+        raise InvalidInput([Diagnostic(Source(target), "K404", *OTHER_FILES[path.suffix.lower()])])
     if is_file(path):
         return path
-    known = bundled()
+    known = bundled_domains()
     name, _, problem = target.partition("/")
     if problem and is_there(Path(name, DOMAIN_FILE)):
-        return _own(name, target)
+        return _own_problem(name, target)
     if name in known and not problem:
         return known[name] / DOMAIN_FILE
     candidates = _of_domain(known[name], name) if name in known else {}
@@ -78,9 +78,9 @@ def find(target: str) -> Path:
 
 def bundled_scenes() -> dict[str, Path]:
     """The scenes that come with the engine, by name."""
-    found = {path.parent.name: path for path in sorted(BUNDLED.glob(f"*/{SCENE_FILE}"))}
-    more = sorted(path for path in BUNDLED.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
-    return found | {f"{path.parent.parent.name}/{path.stem}": path for path in more}
+    scenes = {path.parent.name: path for path in sorted(BUNDLED_DOMAINS.glob(f"*/{SCENE_FILE}"))}
+    more = sorted(path for path in BUNDLED_DOMAINS.glob("*/scenes/*.yaml") if not path.stem.endswith("_cell"))
+    return scenes | {f"{path.parent.parent.name}/{path.stem}": path for path in more}
 
 
 def find_scene(name: str) -> Path:
@@ -90,22 +90,25 @@ def find_scene(name: str) -> Path:
         return Path(name)
     if name in known:
         return known[name]
-    hint = nearest(name, list(known)) or f"bundled: {', '.join(known)}"
+    hint = nearest_hint(name, list(known)) or f"bundled: {', '.join(known)}"
     raise InvalidInput([Diagnostic(Source(name), "K401", "no file and no bundled scene of this name", hint)])
 
 
 def _of_domain(folder: Path, name: str) -> dict[str, Path]:
     """The problems of a bundled domain by name; those in `large` take long, and are not part of its tests."""
     files = [*folder.glob("large/*.yaml"), *folder.glob("problems/*.yaml")]
-    return {f"{name}/{each.stem}": each for each in sorted(files)}
+    return {f"{name}/{file.stem}": file for file in sorted(files)}
 
 
-def _own(folder: str, target: str) -> Path:
+def _own_problem(folder: str, target: str) -> Path:
     """The problem of a domain in the working folder. Raises `InvalidInput`."""
-    problems = {f"{folder}/{each.stem}": each for each in problem_files(Path(folder, DOMAIN_FILE))}
+    problems = {
+        f"{folder}/{problem_file.stem}": problem_file
+        for problem_file in problem_files(Path(folder, DOMAIN_FILE))
+    }
     if target in problems:
         return problems[target]
-    hint = nearest(target, list(problems)) or f"its problems: {', '.join(problems) or 'none'}"
+    hint = nearest_hint(target, list(problems)) or f"its problems: {', '.join(problems) or 'none'}"
     raise InvalidInput(
         [Diagnostic(Source(target), "K401", f"the domain in ./{folder} has no such problem", hint)]
     )
@@ -117,7 +120,7 @@ def problem_files(domain: Path) -> list[Path]:
     if not is_there(folder):
         return []
     try:
-        return sorted(folder / each.name for each in os.scandir(folder) if each.name.endswith(".yaml"))
+        return sorted(folder / entry.name for entry in os.scandir(folder) if entry.name.endswith(".yaml"))
     except OSError as error:
         said = f"the problems cannot be listed: {(error.strerror or str(error)).lower()}"
         raise InvalidInput(
@@ -129,20 +132,20 @@ def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:
     where = Source(target)
     if is_folder(path):
         hint = "name a problem file, or make a domain here with `cellwright init`"
-        if is_file(path / SLAB):
+        if is_file(path / SLAB_TABLE):
             hint = "these are tables of S-LAB: cellwright schedule takes them"
         return Diagnostic(where, "K401", f"there is no {DOMAIN_FILE} in this folder", hint)
-    beside = similar(path) if path.suffix in (".yaml", ".yml", ".json") else ""
-    hint = beside or nearest(target, known) or f"bundled: {', '.join(known)}"
+    beside = similar_file_hint(path) if path.suffix in (".yaml", ".yml", ".json") else ""
+    hint = beside or nearest_hint(target, known) or f"bundled: {', '.join(known)}"
     return Diagnostic(where, "K401", "no file, bundled domain or problem of this name", hint)
 
 
-def reference(domain: "Domain") -> str:
+def domain_reference(domain: "Domain") -> str:
     """The name of this domain for other files: its name if it is bundled, otherwise its path from the root of the file system.
 
     So it is found from any folder in which a command is typed.
     """
     path = Path(domain.path)
-    known = bundled().get(domain.name)
+    known = bundled_domains().get(domain.name)
     bundle = known is not None and known.resolve() == path.parent.resolve()
     return domain.name if bundle else Path(os.path.abspath(path)).as_posix()

@@ -86,11 +86,11 @@ class Function(_Known):
         _set_form(self, None if arguments else PLAIN)
 
     def __hash__(self) -> int:
-        found = self._hash
-        if found is None:
-            found = hash((self.name, self.arguments))
-            _set_hash(self, found)
-        return found
+        cached = self._hash
+        if cached is None:
+            cached = hash((self.name, self.arguments))
+            _set_hash(self, cached)
+        return cached
 
     def __eq__(self, other: object) -> bool:
         if self is other:
@@ -106,13 +106,13 @@ class Function(_Known):
     def __str__(self) -> str:
         if not self.arguments:
             return self.name
-        if self.name == TOGETHER:
+        if self.name == TOGETHER_SIGN:
             return " & ".join(map(str, self.arguments))
         return f"{self.name}({', '.join(map(str, self.arguments))})"
 
 
-_set_name, _set_arguments = (vars(Function)[each].__set__ for each in ("name", "arguments"))
-_set_hash, _set_form = (vars(_Known)[each].__set__ for each in ("_hash", "_form"))
+_set_name, _set_arguments = (vars(Function)[attribute].__set__ for attribute in ("name", "arguments"))
+_set_hash, _set_form = (vars(_Known)[attribute].__set__ for attribute in ("_hash", "_form"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ class Operation:
         return f"({self.left}{self.operator}{self.right})"
 
 
-TOGETHER = "&"  # the name of a stage of several fluents, which are its arguments
+TOGETHER_SIGN = "&"  # the name of a stage of several fluents, which are its arguments
 
 
 Term = Number | Text | Variable | Function | Operation
@@ -137,59 +137,61 @@ Substitution = Mapping[Variable, Term]
 ANYTHING = Variable("_")
 
 
-def together(atoms: Iterable[Atom]) -> Atom:
+def join_stage(atoms: Iterable[Atom]) -> Atom:
     """The stage that several fluents reach together: `stored(tube) & capped(tube)`."""
-    return Function(TOGETHER, tuple(atoms))
+    return Function(TOGETHER_SIGN, tuple(atoms))
 
 
-def parts_of(stage: Atom) -> tuple[Atom, ...]:
+def stage_parts(stage: Atom) -> tuple[Atom, ...]:
     """The atoms of a stage: the stage itself, or those that are reached together."""
-    if stage.name != TOGETHER:
+    if stage.name != TOGETHER_SIGN:
         return (stage,)
     return tuple(part for part in stage.arguments if isinstance(part, Function))
 
 
-def variables(term: Term) -> Iterator[Variable]:
+def term_variables(term: Term) -> Iterator[Variable]:
     """The variables of `term` in order of occurrence, as often as they occur, with `_`."""
     match term:
         case Variable():
             yield term
         case Function(_, arguments):
             for argument in arguments:
-                yield from variables(argument)
+                yield from term_variables(argument)
         case Operation(_, left, right):
-            yield from variables(left)
-            yield from variables(right)
+            yield from term_variables(left)
+            yield from term_variables(right)
         case _:
             return
 
 
-def form_of(term: Term) -> int:
+def term_form(term: Term) -> int:
     """PLAIN for a value, COMPUTED for a ground term with arithmetic inside, OPEN for a term with variables."""
     if isinstance(term, Function):
-        found = term._form
-        if found is None:
-            found = max(map(form_of, term.arguments))
-            _set_form(term, found)
-        return found
+        form = term._form
+        if form is None:
+            form = max(map(term_form, term.arguments))
+            _set_form(term, form)
+        return form
     if isinstance(term, Operation):
-        return max(COMPUTED, form_of(term.left), form_of(term.right))
+        return max(COMPUTED, term_form(term.left), term_form(term.right))
     return OPEN if isinstance(term, Variable) else PLAIN
 
 
 def is_ground(term: Term) -> bool:
     """Whether `term` has no variable."""
-    return form_of(term) != OPEN
+    return term_form(term) != OPEN
 
 
-def substitute(term: Term, bindings: Substitution) -> Term:
+def substitute_term(term: Term, bindings: Substitution) -> Term:
     """`term` with every bound variable replaced. Variables inside the new terms are not replaced again."""
     if isinstance(term, Variable):
         return bindings.get(term, term)
     if isinstance(term, Function):
         return term if term._form == PLAIN else substitute_atom(term, bindings)
     if isinstance(term, Operation):
-        return Operation(term.operator, substitute(term.left, bindings), substitute(term.right, bindings))
+        return Operation(
+            term.operator, substitute_term(term.left, bindings), substitute_term(term.right, bindings)
+        )
     return term
 
 
@@ -199,7 +201,7 @@ def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
     Planning does this millions of times, so the common cases are written out.
     """
     form = atom._form
-    if not bindings or (form if form is not None else form_of(atom)) != OPEN:
+    if not bindings or (form if form is not None else term_form(atom)) != OPEN:
         return atom
     replaced: list[Term] = []
     for argument in atom.arguments:
@@ -208,26 +210,26 @@ def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
         elif isinstance(argument, Function):
             replaced.append(argument if argument._form == PLAIN else substitute_atom(argument, bindings))
         else:
-            replaced.append(substitute(argument, bindings))
+            replaced.append(substitute_term(argument, bindings))
     return atom if all(map(operator.is_, replaced, atom.arguments)) else Function(atom.name, tuple(replaced))
 
 
-def exchanged(term: Term, others: Mapping[Term, Term]) -> Term:
+def exchange_subterms(term: Term, others: Mapping[Term, Term]) -> Term:
     """`term` with other terms in the places of some, at any depth. What is put in is not looked at again."""
     if term in others:
         return others[term]
     if isinstance(term, Function) and term.arguments:
-        return Function(term.name, tuple(exchanged(each, others) for each in term.arguments))
+        return Function(term.name, tuple(exchange_subterms(argument, others) for argument in term.arguments))
     return term
 
 
-def match(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable, Term] | None:
+def match_term(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable, Term] | None:
     """The smallest extension of `bindings` under which `pattern` equals `ground`, or None; `_` matches anything."""
     extended = dict(bindings)
-    return extended if _matched(pattern, ground, extended) else None
+    return extended if _extend_match(pattern, ground, extended) else None
 
 
-def _matched(pattern: Term, ground: Term, extended: dict[Variable, Term]) -> bool:
+def _extend_match(pattern: Term, ground: Term, extended: dict[Variable, Term]) -> bool:
     """Whether the two match.
 
     The new bindings are added to `extended`; if they do not match, some may have been added.
@@ -245,7 +247,7 @@ def _matched(pattern: Term, ground: Term, extended: dict[Variable, Term]) -> boo
         or len(ground.arguments) != len(pattern.arguments)
     ):
         return pattern == ground
-    return all(map(_matched, pattern.arguments, ground.arguments, repeat(extended)))
+    return all(map(_extend_match, pattern.arguments, ground.arguments, repeat(extended)))
 
 
 def unify(left: Term, right: Term, bindings: Substitution) -> dict[Variable, Term] | None:
@@ -254,7 +256,7 @@ def unify(left: Term, right: Term, bindings: Substitution) -> dict[Variable, Ter
     Robinson 1965, without the occurs check: terms of the domain language do not recurse, so a variable never meets
     a term that contains it. Bindings are triangular: follow them with `resolve`.
     """
-    left, right = resolve(left, bindings), resolve(right, bindings)
+    left, right = resolve_term(left, bindings), resolve_term(right, bindings)
     if left == right:
         return dict(bindings)
     if isinstance(left, Variable):
@@ -273,12 +275,12 @@ def unify(left: Term, right: Term, bindings: Substitution) -> dict[Variable, Ter
     return unified
 
 
-def resolve(term: Term, bindings: Substitution) -> Term:
+def resolve_term(term: Term, bindings: Substitution) -> Term:
     """`term` with variables replaced through chains of bindings until nothing changes."""
     while isinstance(term, Variable) and term in bindings:
         term = bindings[term]
     if isinstance(term, Function) and term.arguments:
-        return Function(term.name, tuple(resolve(argument, bindings) for argument in term.arguments))
+        return Function(term.name, tuple(resolve_term(argument, bindings) for argument in term.arguments))
     return term
 
 
@@ -293,6 +295,6 @@ def natural_key(term: Term) -> tuple[tuple[int, int, str], ...]:
     return _natural_pieces(str(term))
 
 
-def ordered(terms: Iterable[Atom]) -> tuple[Atom, ...]:
+def sort_naturally(terms: Iterable[Atom]) -> tuple[Atom, ...]:
     """The distinct terms in natural order, for output that must repeat."""
     return tuple(sorted(set(terms), key=natural_key))

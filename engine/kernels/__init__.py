@@ -1,1 +1,1 @@
-"""Compiled loops over arrays that several stages share. They know no types of ours."""
+"""Compiled loops over arrays that several stages share; they import nothing above them."""

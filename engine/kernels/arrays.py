@@ -1,4 +1,4 @@
-"""Arrays that kernels take, and what is refused before one runs: compiled loops look at no bounds.
+"""Array types of the compiled kernels, and checks of shape and range before one runs.
 
 A module that needs NumPy for its types alone imports them from here.
 """

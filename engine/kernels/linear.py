@@ -12,13 +12,13 @@ from cellwright.engine.kernels.arrays import Floats
 
 def matmul(first: Floats, *others: Floats) -> Floats:
     """The product of matrices (..., m, k), (..., k, n), and so on, or of vectors where one has a single axis."""
-    found = first
-    for each in others:
-        if found.ndim == 1 or each.ndim == 1:
-            found = _with_vector(found, each)
+    product = first
+    for factor in others:
+        if product.ndim == 1 or factor.ndim == 1:
+            product = _with_vector(product, factor)
         else:
-            found = np.einsum("...ij,...jk->...ik", found, each)
-    return found
+            product = np.einsum("...ij,...jk->...ik", product, factor)
+    return product
 
 
 def _with_vector(first: Floats, second: Floats) -> Floats:
@@ -33,15 +33,15 @@ def norm(vector: Floats) -> float:
     return math.sqrt(float((vector * vector).sum()))
 
 
-def solved(matrix: Floats, right: Floats) -> Floats:
+def solve_positive_definite(matrix: Floats, right: Floats) -> Floats:
     """x (..., n) with A x = b for positive definite matrices A (..., n, n) and b (..., n), by elimination."""
-    left, found = np.array(matrix, dtype=float), np.array(right, dtype=float)
-    size = found.shape[-1]
+    eliminated, solution = np.array(matrix, dtype=float), np.array(right, dtype=float)
+    size = solution.shape[-1]
     for n in range(size):
-        factor = left[..., n + 1 :, n] / left[..., n, n, None]
-        left[..., n + 1 :, n:] -= factor[..., None] * left[..., n, None, n:]
-        found[..., n + 1 :] -= factor * found[..., n, None]
+        factor = eliminated[..., n + 1 :, n] / eliminated[..., n, n, None]
+        eliminated[..., n + 1 :, n:] -= factor[..., None] * eliminated[..., n, None, n:]
+        solution[..., n + 1 :] -= factor * solution[..., n, None]
     for n in range(size - 1, -1, -1):
-        found[..., n] /= left[..., n, n]
-        found[..., :n] -= left[..., :n, n] * found[..., n, None]
-    return found
+        solution[..., n] /= eliminated[..., n, n]
+        solution[..., :n] -= eliminated[..., :n, n] * solution[..., n, None]
+    return solution

@@ -1,4 +1,4 @@
-"""Rigid transforms as homogeneous matrices (..., 4, 4). `T_a_b` is the pose of b in a: x_a = T_a_b x_b.
+"""Rigid transforms as homogeneous matrices (..., 4, 4): `T_a_b` is the pose of b in a.
 
 The same numbers give the same bits on every processor.
 """
@@ -79,7 +79,7 @@ def _half_turn(R: Floats) -> Floats:
     return axis * math.pi
 
 
-def turned(vector: Floats) -> Floats:
+def rotation_by_vector(vector: Floats) -> Floats:
     """The rotations (..., 3, 3) by vectors (..., 3): axis times angle."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     cross = skew(vector)
@@ -87,8 +87,8 @@ def turned(vector: Floats) -> Floats:
     safe = np.where(near, 1.0, angle)
     s, c = sines_cosines(safe)
     sine, versine = np.where(near, 1.0, s / safe), np.where(near, 0.5, (1.0 - c) / safe**2)
-    found: Floats = np.eye(3) + sine * cross + versine * matmul(cross, cross)
-    return found
+    R: Floats = np.eye(3) + sine * cross + versine * matmul(cross, cross)
+    return R
 
 
 def skew(vector: Floats) -> Floats:
@@ -96,5 +96,5 @@ def skew(vector: Floats) -> Floats:
     x, y, z = np.moveaxis(vector, -1, 0)
     zero = np.zeros_like(x)
     rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    found: Floats = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-    return found
+    crosses: Floats = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return crosses

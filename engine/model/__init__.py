@@ -1,4 +1,4 @@
-"""The values that the stages of the engine pass to each other, such as ground tasks and outcomes.
+"""Values that the engine's stages pass to each other: ground tasks, shops, motions, outcomes.
 
 All are immutable.
 """

@@ -1,4 +1,4 @@
-"""The values of the geometry port: jointed frames, convex pieces, pairs to be checked, and contacts.
+"""Geometry: joints, convex pieces, collision scenes, contacts, and surfaces of parts.
 
 Metres, radians. Frames that move are called carriers. Carrier 0 is the world; carrier i (1..k) is the frame
 that joint i-1 moves. Every piece is fixed in one carrier. So one kind of scene serves for one arm, several
@@ -33,7 +33,7 @@ class Joints:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
+class ConvexPiece:
     """A convex piece: all points within `radius_m` of the hull of `vertices` (n, 3), given in its own frame.
 
     `body` is the name that people use. `T_carrier_piece` (4, 4) is its pose in carrier `carrier`. With `box`
@@ -49,7 +49,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class CollisionScene:
     """Everything that can touch: joints, pieces, and the pairs of pieces (m, 2) that must not touch.
 
     A free scene has no joints and one moving carrier (number 1). Its pose is given in place of a
@@ -57,7 +57,7 @@ class Scene:
     """
 
     joints: Joints
-    pieces: tuple[Piece, ...]
+    pieces: tuple[ConvexPiece, ...]
     pairs: Longs
     free: bool = False
     bodies: tuple[str, ...] = field(default=())
@@ -88,3 +88,34 @@ class Contact:
     def depth_m(self) -> float:
         """How far the bodies overlap; 0 if they do not."""
         return max(0.0, -self.distance_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facet:
+    """A plane piece of a surface: the points x with normal . x = offset, inside the `edges`.
+
+    `edges` (e, 2, 3) run counter-clockwise seen from outside; those around a hole run the other way. `convex` (e,) says
+    where the next facet falls back.
+    """
+
+    name: str
+    normal: Floats
+    offset: float
+    edges: Floats
+    convex: Truths
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solid:
+    """A part's surface in its own frame: corners (m, 3, 3) of triangles, and the number of each one's facet (m,)."""
+
+    name: str
+    corners: Floats
+    facet_of: Longs
+    facets: tuple[Facet, ...]
+
+    @property
+    def vertices(self) -> Floats:
+        """The corners of all triangles (3 m, 3)."""
+        vertices: Floats = self.corners.reshape(-1, 3)
+        return vertices

@@ -1,14 +1,30 @@
-"""The three answers of a search: a plan was found, it is proved that none exists, or the search gave up."""
+"""The outcome of a search (plan, proof of none, or limit), and the check of linearizations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.plan_model import Plan, StepId
 from cellwright.kb.terms import Function
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class Counterexample:
+    """An order that fails: its last step cannot be done, or all steps are done and the goal does not hold."""
+
+    order: tuple[StepId, ...]
+    at_the_goal: bool
+
+
+@dataclass(frozen=True, slots=True)
+class OrderCheck:
+    """Whether every order is valid; None if this is unknown."""
+
+    valid: bool | None
+    counterexample: Counterexample | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MacroOffer:
     """The MACROPs that a search had as operators, as steps with variables, and those that its plan uses.
 
     `search` is the search that answered, `backward` or `forward`; it is empty if no MACROPs were offered.
@@ -19,7 +35,7 @@ class Offer:
     used: tuple[tuple[Function, ...], ...] = ()
 
 
-NO_OFFER = Offer()
+NO_OFFER = MacroOffer()
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +44,7 @@ class Statistics:
 
     counts: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
-    offer: Offer = NO_OFFER
+    offer: MacroOffer = NO_OFFER
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,19 +1,65 @@
-"""The values of task-space modelling: token types, clusters, places, transitions and nets (Matthiesen, section 4).
-
-A token is a permanent cluster. Tokens of one type can be exchanged, and so can the anchor points of one slot. A form is a
-cluster of tokens up to such exchanges. A place is what the forms in it have in common as far as it matters.
-"""
+"""Contact states as Petri nets: tokens, clusters, places, transitions, and nets for PNML."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from cellwright.kb.model.contacts import ContactModel, Restriction
-from cellwright.kb.model.octuples import Octuple
+from cellwright.kb.model.contact_model import ContactModel, Octuple, Restriction
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class PetriPlace:
+    """A place. `marking` lists the tokens at the start; in a place/transition net `count` is their number.
+
+    `notes` are what only this engine reads: template, capacities.
+    """
+
+    id: str
+    name: str
+    count: int = 0
+    marking: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PetriTransition:
+    """A transition. `variables` gives the type of each variable of its arcs; its guard demands them."""
+
+    id: str
+    name: str
+    variables: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PetriArc:
+    """An arc. It moves `count` tokens or, in a symmetric net, those that its `variables` are bound to."""
+
+    id: str
+    source: str
+    target: str
+    count: int = 1
+    variables: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PetriNet:
+    """A net; `types` parts the class of tokens of a symmetric net, and is empty for a place/transition net."""
+
+    id: str
+    places: tuple[PetriPlace, ...]
+    transitions: tuple[PetriTransition, ...]
+    arcs: tuple[PetriArc, ...]
+    types: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def coloured(self) -> bool:
+        """Whether it is a symmetric net."""
+        return bool(self.types)
+
+
+@dataclass(frozen=True, slots=True)
+class AnchorSlot:
     """Exchangeable anchor points of one object of a token. `several`: the object has more of this anchor class."""
 
     position: int  # of the object in its token
@@ -34,7 +80,7 @@ class TokenType:
     name: str
     members: tuple[tuple[str, ...], ...]
     classes: tuple[str, ...]
-    slots: tuple[Slot, ...]
+    slots: tuple[AnchorSlot, ...]
     fixed: bool = False
     passive: bool = False
     driven: frozenset[int] = frozenset()
@@ -55,7 +101,7 @@ class TokenType:
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Edge:
+class ContactEdge:
     """A transient contact in a cluster: node and slot of the key, node and slot of the lock, and the contact class."""
 
     key: int
@@ -64,30 +110,30 @@ class Edge:
     lock_slot: int
     kind: str
 
-    def shifted(self, by: int) -> "Edge":
+    def shifted(self, by: int) -> "ContactEdge":
         """The edge with its nodes counted from `by`."""
-        return Edge(self.key + by, self.key_slot, self.lock + by, self.lock_slot, self.kind)
+        return ContactEdge(self.key + by, self.key_slot, self.lock + by, self.lock_slot, self.kind)
 
 
 @dataclass(frozen=True, slots=True)
-class Cluster:
+class TokenCluster:
     """Coupled tokens: the type of each node, and the contacts between them."""
 
     nodes: tuple[int, ...]
-    edges: tuple[Edge, ...] = ()
+    edges: tuple[ContactEdge, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class ClusterForm:
     """A cluster up to exchanges. `symmetries` counts the exchanges that leave it as it is; nodes of one orbit are alike."""
 
-    cluster: Cluster
+    cluster: TokenCluster
     symmetries: int
     orbits: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Step:
+class ContactStep:
     """One contact changes: forms become other forms. `ends` are type and slot of key and lock.
 
     `moved` says, for each token of a type, from which input to which output it goes: (input, output, type, count).
@@ -111,7 +157,7 @@ class Removed:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class NetPlace:
     """What clusters have in common. `contacts` is its template in the normal form; `capacity` counts tokens by type."""
 
     name: str
@@ -153,11 +199,11 @@ class Transition:
     restrictions: tuple[Restriction, ...] = ()
     reversible: bool = True
     cases: tuple[tuple[Octuple, ...], ...] = ()
-    steps: tuple[Step, ...] = ()
+    steps: tuple[ContactStep, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Growth:
+class StateGrowth:
     """How many fully specified global contact states there are; `exact` unless the count is an upper bound.
 
     `classes` counts them up to exchanges of alike objects and anchor points; None if the search for them was stopped.
@@ -169,28 +215,28 @@ class Growth:
 
 
 @dataclass(frozen=True)
-class Space:
+class FormSpace:
     """Everything that was generated: forms, the steps between them, and what filters removed."""
 
     model: ContactModel
     types: tuple[TokenType, ...]
-    forms: tuple[Form, ...]
-    steps: tuple[Step, ...]
+    forms: tuple[ClusterForm, ...]
+    steps: tuple[ContactStep, ...]
     initial: tuple[int, ...]
     removed: tuple[Removed, ...]
     complete: bool = True
 
     @cached_property
-    def by_inputs(self) -> Mapping[tuple[int, ...], tuple[Step, ...]]:
+    def by_inputs(self) -> Mapping[tuple[int, ...], tuple[ContactStep, ...]]:
         """The steps by their inputs, which stand in ascending order."""
-        found: dict[tuple[int, ...], list[Step]] = {}
+        steps_by_inputs: dict[tuple[int, ...], list[ContactStep]] = {}
         for step in self.steps:
-            found.setdefault(step.inputs, []).append(step)
-        return {inputs: tuple(steps) for inputs, steps in found.items()}
+            steps_by_inputs.setdefault(step.inputs, []).append(step)
+        return {inputs: tuple(steps) for inputs, steps in steps_by_inputs.items()}
 
 
 @dataclass(frozen=True, slots=True)
-class Region:
+class StateRegion:
     """Contact states that can all be reached from each other. `fused` are the one-way contacts that hold or are gone in it."""
 
     states: int
@@ -200,25 +246,25 @@ class Region:
 
 
 @dataclass(frozen=True, slots=True)
-class Net:
+class ContactNet:
     """The net of a cell: places, transitions, and what is known of the whole.
 
     `joints` lists, for each joint with settings, the places in which it may be manipulated.
     """
 
     name: str
-    places: tuple[Place, ...]
+    places: tuple[NetPlace, ...]
     transitions: tuple[Transition, ...]
     colours: Mapping[str, tuple[str, ...]]
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     removed: tuple[Removed, ...] = ()
-    growth: Growth = Growth(0, False, None)
-    regions: tuple[Region, ...] = ()
+    growth: StateGrowth = StateGrowth(0, False, None)
+    regions: tuple[StateRegion, ...] = ()
     complete: bool = True
 
 
 @dataclass(frozen=True, slots=True)
-class Brought:
+class ObjectShare:
     """What one object brings to a cell: how many places, transitions and fully specified states; which states filters removed."""
 
     part: str

@@ -1,11 +1,11 @@
-"""Troubleshooting: causes with priors, actions that separate causes or repair them, and possible conclusions.
-
-Given the cause, the outcomes of different actions are independent. An action gives the same outcome whenever
-it is repeated, so each action is worth doing only once. Costs and losses share one unit.
-"""
+"""Troubleshooting: causes, tests, repairs, cases and how they end; circuits as examples."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+
+from cellwright.kb.model.plan_model import Step
+from cellwright.kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ def situation_bits(setup: Setup | None) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class CaseStanding:
     """The state of a case: possible causes (a bit set), outcomes of uncertain actions, the situation."""
 
     possible: int
@@ -118,7 +118,7 @@ Tree = Conclude | Try
 
 
 @dataclass(frozen=True, slots=True)
-class Advice:
+class CaseAdvice:
     """What to do next: an action, or a conclusion if `action` is None.
 
     `expected_cost` is the expected cost from here. `bound` is a proven lower bound of the optimum; it equals
@@ -137,11 +137,162 @@ class Advice:
 
 def expected_cost(tree: Tree) -> float:
     """The expected cost of a tree from its root, set-up and losses included."""
-    total = _weighted(tree)
+    total = _weighted_cost(tree)
     return total / tree.probability if tree.probability else 0.0
 
 
-def _weighted(tree: Tree) -> float:
+def _weighted_cost(tree: Tree) -> float:
     if isinstance(tree, Conclude):
         return tree.probability * tree.loss
-    return tree.probability * tree.cost + sum(_weighted(branch) for _, branch in tree.branches)
+    return tree.probability * tree.cost + sum(_weighted_cost(branch) for _, branch in tree.branches)
+
+
+@dataclass(frozen=True, slots=True)
+class CaseHypothesis:
+    """A possible explanation of a case: causes present together, and wrong observations (names of tests)."""
+
+    causes: tuple[str, ...]
+    lies: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        said = [*self.causes, *(f"{test} lies" for test in self.lies)]
+        return " and ".join(said) or "nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """An exception as a troubleshooting problem; cause i of the problem is `hypotheses[i]`."""
+
+    exception: str
+    hypotheses: tuple[CaseHypothesis, ...]
+    problem: Troubleshooting
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """The outcome that an action showed."""
+
+    action: str
+    outcome: str
+
+
+@dataclass(frozen=True, slots=True)
+class PreparationSteps:
+    """The steps that prepare a test or repair, in order, and how long they last together."""
+
+    steps: tuple[Step, ...] = ()
+    cost: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class CaseStep:
+    """One step of a case: the belief before it, the advice, what was observed, what that cost, and the steps before it.
+
+    `steps` prepared the test or repair; the cost contains them.
+    """
+
+    belief: tuple[tuple[str, float], ...]
+    advice: CaseAdvice
+    observed: Observation
+    cost: float
+    steps: tuple[Step, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class CaseDiagnosis:
+    """How a case ended.
+
+    `hypotheses` are those still possible, each with its probability, the most probable first. `finished` says
+    that nothing is left to ask. `cured` names the repair that ended the case. `repairs` may be tried next, in
+    order. `question` is for a person, if nothing else helps.
+    """
+
+    exception: str
+    stages: tuple[CaseStep, ...]
+    hypotheses: tuple[tuple[CaseHypothesis, float], ...]
+    cost: float
+    isolated: bool
+    finished: bool = True
+    cured: str | None = None
+    repairs: tuple[str, ...] = ()
+    question: "Question | None" = None
+
+    @property
+    def question_text(self) -> str:
+        """The question to a person as text, or an empty text."""
+        return self.question.text if self.question else ""
+
+    @property
+    def observations(self) -> tuple[Observation, ...]:
+        """All observations, in order."""
+        return tuple(stage.observed for stage in self.stages)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A question to a person, with at most four answers."""
+
+    text: str
+    answers: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Revision:
+    """The changes that a diagnosis makes in the world model, each with its reason, and the lost resources.
+
+    `blocked` are patterns of steps that are not taken any more. `assumed` is what must have held for the interrupted step
+    to begin, `kept` is work like the work that the cause puts in doubt, and `follows` are facts that hold (True) or do not
+    hold any more by deductive operators.
+    """
+
+    withdrawn: tuple[tuple[Atom, str], ...] = ()
+    asserted: tuple[tuple[Atom, str], ...] = ()
+    restored: tuple[tuple[Atom, str], ...] = ()
+    lost: tuple[str, ...] = field(default=())
+    blocked: tuple[tuple[Atom, str], ...] = ()
+    assumed: tuple[tuple[Atom, str], ...] = ()
+    kept: tuple[tuple[Atom, str], ...] = ()
+    follows: tuple[tuple[Atom, bool], ...] = ()
+
+
+AND, OR, XOR = "and", "or", "xor"
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """A gate: a function of its inputs (`and`, `or`, `xor`), then inverted or not.
+
+    With one input each function is the input.
+    """
+
+    function: str
+    inverted: bool
+    inputs: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Circuit:
+    """A circuit. A wire has the name of its gate. `gates` is ordered from inputs to outputs."""
+
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    gates: Mapping[str, Gate]
+
+    def values(self, given: Mapping[str, bool], flipped: frozenset[str] = frozenset()) -> dict[str, bool]:
+        """The value of every wire for given values of the inputs.
+
+        The outputs of the gates in `flipped` are inverted.
+        """
+        wire_values = dict(given)
+        for name, gate in self.gates.items():
+            read = [wire_values[wire] for wire in gate.inputs]
+            value = (
+                all(read)
+                if gate.function == AND
+                else any(read)
+                if gate.function == OR
+                else sum(read) % 2 == 1
+            )
+            wire_values[name] = value ^ gate.inverted ^ (name in flipped)
+        return wire_values

@@ -1,15 +1,20 @@
-"""What was measured of a feature, taken together: its value, how sure it is, what it shows, and what of it does not count."""
+"""What was measured of each feature: its value, uncertainty, verdict, and what does not count."""
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from cellwright.kb.model.conformity import COVERAGE, RISK, Conformity, conformity
-from cellwright.kb.model.results import Measured
+from cellwright.kb.model.measured_results import (
+    COVERAGE_FACTOR,
+    RISK_PERCENT,
+    Conformity,
+    Measured,
+    check_conformity,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Feature:
+class MeasuredFeature:
     """One quantity of one thing. `value` is the mean of the `values` that count, in the frame of the part; None if none does.
 
     `uncertainty` is expanded (two standard deviations). `bad` are values that do not count, each with the reason. `doubt` says why
@@ -37,8 +42,8 @@ class Feature:
         """What the value shows; None without limits, without an uncertainty, or without a value that counts."""
         if self.value is None or self.uncertainty is None or self.doubt:
             return None
-        risk = RISK if self.risk is None else self.risk
-        return conformity(self.value, self.lower, self.upper, self.uncertainty, risk)
+        risk = RISK_PERCENT if self.risk is None else self.risk
+        return check_conformity(self.value, self.lower, self.upper, self.uncertainty, risk)
 
     @property
     def judged(self) -> str:
@@ -60,7 +65,7 @@ class Feature:
     @property
     def sigma(self) -> float:
         """The standard deviation of the value; 0 if it is not known."""
-        return (self.uncertainty or 0.0) / COVERAGE
+        return (self.uncertainty or 0.0) / COVERAGE_FACTOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +94,7 @@ class Survey:
     four numbers; empty if it was not looked for. `refused` says why its datums fit nowhere, if they did not. `wrong` are datums that disagree.
     """
 
-    features: tuple[Feature, ...]
+    features: tuple[MeasuredFeature, ...]
     unmeasured: tuple[Unmeasured, ...] = ()
     places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     part: tuple[float, ...] = ()
@@ -99,6 +104,8 @@ class Survey:
 
     def counts(self) -> dict[str, int]:
         """How many features there are of each verdict, the most frequent first; those that were not measured are among them."""
-        found = Counter(each.judged for each in self.features)
-        found.update({"not measured": len(self.unmeasured)} if self.unmeasured else {})
-        return dict(sorted(found.items(), key=lambda each: (-each[1], each[0])))
+        verdict_counts = Counter(feature.judged for feature in self.features)
+        verdict_counts.update({"not measured": len(self.unmeasured)} if self.unmeasured else {})
+        return dict(
+            sorted(verdict_counts.items(), key=lambda verdict_count: (-verdict_count[1], verdict_count[0]))
+        )

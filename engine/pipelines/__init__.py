@@ -1,1 +1,1 @@
-"""What joins the stages: each pipeline leads from one kind of question to its answer."""
+"""Pipelines: each joins stages into the way from one kind of question to its answer."""

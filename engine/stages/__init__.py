@@ -1,1 +1,1 @@
-"""The stages: each answers one question, and none knows another."""
+"""The stages: each answers one question of planning or sensing, and none imports another."""

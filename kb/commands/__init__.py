@@ -6,15 +6,17 @@ A grammar generated from the phrases reads the sentences. The parser library is 
 import dataclasses
 from collections.abc import Callable
 
-from cellwright.kb.commands.phrases import Place, check_phrases
+from cellwright.kb.commands.phrase_meanings import Place, check_phrases
 from cellwright.kb.diagnostics import Source
-from cellwright.kb.model.domain import Domain
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import Domain
+from cellwright.kb.model.planning_problem import Problem
 
-__all__ = ["Place", "check_phrases", "understand"]
+__all__ = ["Place", "check_phrases", "understand_command"]
 
 
-def understand(target: Problem | Domain, text: str, place: Callable[[int], Source] | None = None) -> Problem:
+def understand_command(
+    target: Problem | Domain, text: str, place: Callable[[int], Source] | None = None
+) -> Problem:
     """The problem with the goal and chains of a command in words. For a domain, the problem starts from its defaults.
 
     `place` gives the place of character n of the text; without it, places are in the text itself. Raises `InvalidInput`.
@@ -22,11 +24,11 @@ def understand(target: Problem | Domain, text: str, place: Callable[[int], Sourc
     from cellwright.kb.commands.sentence import read_sentence
 
     problem = target if isinstance(target, Problem) else Problem("command", target)
-    goal, chains = read_sentence(problem, text, place or said(text))
+    goal, chains = read_sentence(problem, text, place or command_line_place(text))
     return dataclasses.replace(problem, goal=goal, chains=chains)
 
 
-def said(text: str) -> Callable[[int], Source]:
+def command_line_place(text: str) -> Callable[[int], Source]:
     """A function from a character of a text on the command line to its place."""
 
     def where(offset: int) -> Source:

@@ -1,4 +1,4 @@
-"""One sentence read in four stages: clauses from phrases, objects from references, acts from both, and their order."""
+"""Translates a sentence to goals and chains: clauses, objects, acts, and their order."""
 
 import itertools
 import math
@@ -6,28 +6,35 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from cellwright.kb.commands.clauses import FIRST, LINKED, Clause, NotUnderstood, read_clauses
+from cellwright.kb.commands.act_order import NoOrder, SentenceAct, arrange_acts, asked_again, in_order_of_time
+from cellwright.kb.commands.clauses import FRONT_LINKS, LINK_KINDS, Clause, NotUnderstood, read_clauses
+from cellwright.kb.commands.domain_nouns import NounVocabulary
 from cellwright.kb.commands.exclusion import Exclusion
-from cellwright.kb.commands.explain import explain
-from cellwright.kb.commands.matching import Book
-from cellwright.kb.commands.order import NoOrder, arrange
-from cellwright.kb.commands.patterns import PREPOSITIONS, Slot, Word
-from cellwright.kb.commands.phrasebook import PARTICLES, tree
-from cellwright.kb.commands.phrases import Meaning, alone, condition, meanings
-from cellwright.kb.commands.references import References
-from cellwright.kb.commands.times import in_order_of_time
-from cellwright.kb.commands.undoing import Act, asked_again
-from cellwright.kb.commands.vocabulary import Vocabulary
-from cellwright.kb.commands.words import Unclear, Words
+from cellwright.kb.commands.object_references import References
+from cellwright.kb.commands.phrase_matching import Book
+from cellwright.kb.commands.phrase_meanings import (
+    PhraseMeaning,
+    literals_of_stage,
+    quantified_goal,
+    read_meanings,
+)
+from cellwright.kb.commands.phrase_patterns import (
+    PARTICLES,
+    PREPOSITIONS,
+    PatternSlot,
+    PatternWord,
+    build_phrase_tree,
+)
+from cellwright.kb.commands.refusals import explain_misunderstanding
+from cellwright.kb.commands.sentence_pieces import SlotWords, UnclearReference
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.model.conditions import And, Condition, Literal
-from cellwright.kb.model.domain import NUMERIC_TYPES, Domain, Kind
-from cellwright.kb.model.problem import Chain, Problem
-from cellwright.kb.model.workflow import staying
-from cellwright.kb.syntax import LARGEST, unit_seconds
-from cellwright.kb.terms import Atom, Function, Number, Term, Variable, substitute_atom, together
+from cellwright.kb.model.domain_model import NUMERIC_TYPES, Domain, Kind
+from cellwright.kb.model.planning_problem import Chain, Problem, lasting_fluents
+from cellwright.kb.syntax import MAX_EXPRESSION_INTEGER, unit_seconds
+from cellwright.kb.terms import Atom, Function, Number, Term, Variable, join_stage, substitute_atom
 
-MAX_LENGTH = 5_000
+MAX_COMMAND_LENGTH = 5_000
 MAX_ACTS = 5_000
 
 
@@ -39,23 +46,23 @@ def read_sentence(
     if not domain.phrases:
         hint = "declare phrases under `commands:`, or give goals"
         raise InvalidInput([Diagnostic(place(0), "K405", f"the domain {domain.name} has no phrases", hint)])
-    if len(text) > MAX_LENGTH:
+    if len(text) > MAX_COMMAND_LENGTH:
         raise InvalidInput(
-            [Diagnostic(Source(place(0).path), "K007", f"longer than {MAX_LENGTH} characters")]
+            [Diagnostic(Source(place(0).path), "K007", f"longer than {MAX_COMMAND_LENGTH} characters")]
         )
-    vocabulary = Vocabulary(domain, {**domain.objects, **problem.objects})
-    known = meanings(domain)
+    vocabulary = NounVocabulary(domain, {**domain.objects, **problem.objects})
+    known_meanings = read_meanings(domain)
     try:
-        clauses = read_clauses(book_of(known, vocabulary), text)
+        clauses = read_clauses(book_of(known_meanings, vocabulary), text)
     except NotUnderstood as error:
-        raise InvalidInput([explain(error, text, domain, vocabulary, place)]) from None
-    return _Sentence(problem, known, vocabulary, place).arranged(clauses)
+        raise InvalidInput([explain_misunderstanding(error, text, domain, vocabulary, place)]) from None
+    return _Sentence(problem, known_meanings, vocabulary, place).arranged(clauses)
 
 
-def book_of(known: Sequence[Meaning], vocabulary: Vocabulary) -> Book:
+def book_of(known: Sequence[PhraseMeaning], vocabulary: NounVocabulary) -> Book:
     """The book of these phrases and nouns."""
     patterns = tuple(meaning.pattern for meaning in known)
-    return Book(tree(patterns, False), tree(patterns, True), vocabulary)
+    return Book(build_phrase_tree(patterns, False), build_phrase_tree(patterns, True), vocabulary)
 
 
 class _Sentence:
@@ -64,8 +71,8 @@ class _Sentence:
     def __init__(
         self,
         problem: Problem,
-        known: Sequence[Meaning],
-        vocabulary: Vocabulary,
+        known: Sequence[PhraseMeaning],
+        vocabulary: NounVocabulary,
         place: Callable[[int], Source],
     ) -> None:
         self.domain: Domain = problem.domain
@@ -74,27 +81,27 @@ class _Sentence:
 
     def arranged(self, clauses: Sequence[Clause]) -> tuple[Condition, tuple[Chain, ...]]:
         """The goal and the chains."""
-        values, found = self._resolved(clauses)
+        values, unclear = self._resolved(clauses)
         in_time = in_order_of_time(clauses, {})
-        if found and in_time != list(clauses):  # "before storing it, heat probe 1"
+        if unclear and in_time != list(clauses):  # "before storing it, heat probe 1"
             values, later = self._resolved(in_time)
-            found = found if later else []
-        if found:
-            raise InvalidInput(found)
-        asked = {each.offset: [*self._acts(each, values[each.offset])] for each in clauses}
+            unclear = unclear if later else []
+        if unclear:
+            raise InvalidInput(unclear)
+        asked = {clause.offset: [*self._acts(clause, values[clause.offset])] for clause in clauses}
         try:
-            referred = _referred(clauses, asked)
-        except Unclear as error:
+            referred = _referred_acts(clauses, asked)
+        except UnclearReference as error:
             raise InvalidInput(
                 [Diagnostic(self.place(error.offset), "K603", error.message, error.hint)]
             ) from None
         _say_once(clauses, asked)
         in_time = in_order_of_time(clauses, referred)
-        acts = [act for number, clause in enumerate(in_time) for act in _placed(number, clause, asked)]
+        acts = [act for number, clause in enumerate(in_time) for act in _place_acts(number, clause, asked)]
         self._refuse_repeated(acts, in_time)
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
-            return arrange(acts, exclusion.apart, exclusion.interrupted)
+            return arrange_acts(acts, exclusion.apart, exclusion.interrupted)
         except NoOrder as error:
             clause = in_time[error.clause]
             meaning = self.known[clause.form.phrase]
@@ -103,12 +110,12 @@ class _Sentence:
             hint = "give it as a separate command, or let its phrase mean a fluent that is true then"
             raise InvalidInput([Diagnostic(where, "K604", message, hint)]) from None
 
-    def _refuse_repeated(self, acts: Sequence[Act], clauses: Sequence[Clause]) -> None:
-        found = asked_again(acts, staying(self.domain))
-        if found is not None:
-            message = f"this asks again for {found.condition}, which stays once it is so"
+    def _refuse_repeated(self, acts: Sequence[SentenceAct], clauses: Sequence[Clause]) -> None:
+        repeated = asked_again(acts, lasting_fluents(self.domain))
+        if repeated is not None:
+            message = f"this asks again for {repeated.condition}, which stays once it is so"
             hint = "leave it out; what can be done several times is an event of the domain"
-            where = self.place(clauses[found.clause].offset)
+            where = self.place(clauses[repeated.clause].offset)
             raise InvalidInput([Diagnostic(where, "K604", message, hint)])
 
     def _resolved(
@@ -116,7 +123,7 @@ class _Sentence:
     ) -> tuple[dict[int, dict[str, Sequence[Term]]], list[Diagnostic]]:
         """The objects, numbers and times that fill the slots of each clause; and what is unclear about them."""
         references = References(self.vocabulary)
-        found: list[Diagnostic] = []
+        unclear: list[Diagnostic] = []
         values: dict[int, dict[str, Sequence[Term]]] = {}
         for number, clause in enumerate(clauses):
             types, following = self._types(clause), clauses[number + 1 :]
@@ -127,27 +134,31 @@ class _Sentence:
                     )
                     for variable, words in clause.slots.items()
                 }
-            except Unclear as error:
+            except UnclearReference as error:
                 leaning = any(words.leans_back for words in clause.slots.values())
-                if not (found and leaning):  # what it means is unclear itself, and told
-                    found.append(Diagnostic(self.place(error.offset), "K603", error.message, error.hint))
-        return values, found
+                if not (unclear and leaning):  # what it means is unclear itself, and told
+                    unclear.append(Diagnostic(self.place(error.offset), "K603", error.message, error.hint))
+        return values, unclear
 
     def _types(self, clause: Clause) -> dict[str, str]:
         return {slot.variable: slot.type for slot in self.known[clause.form.phrase].slots}
 
-    def _full(self, words: Words, type_: str, references: References, following: Sequence[Clause]) -> Words:
+    def _full(
+        self, words: SlotWords, type_: str, references: References, following: Sequence[Clause]
+    ) -> SlotWords:
         """The words that fill a slot; for those left out before any object is named, those of a later clause: "wash and dry part 1"."""
         if words.how != "omitted" or references.named:
             return words
-        for each in itertools.takewhile(lambda clause: not clause.then, following):
-            types = self._types(each)
-            said = [known for variable, known in each.slots.items() if types[variable] == type_]
-            if said and said[0].how != "omitted":
-                return words if said[0].how == "pronoun" else said[0]
+        for later_clause in itertools.takewhile(lambda clause: not clause.then, following):
+            types = self._types(later_clause)
+            fillings = [
+                filling for variable, filling in later_clause.slots.items() if types[variable] == type_
+            ]
+            if fillings and fillings[0].how != "omitted":
+                return words if fillings[0].how == "pronoun" else fillings[0]
         return words
 
-    def _values(self, words: Words, type_: str, references: References) -> Sequence[Term]:
+    def _values(self, words: SlotWords, type_: str, references: References) -> Sequence[Term]:
         if words.how != "value":
             return references.resolve(words, type_)
         piece = words.pieces[0]
@@ -156,20 +167,24 @@ class _Sentence:
             unit = self.domain.time_unit
             value = value / (unit_seconds(unit) or Fraction(1))
             if value == 0:
-                raise Unclear(piece.offset, f"'{shown}' is no time that an act can last", "give more than 0")
+                raise UnclearReference(
+                    piece.offset, f"'{shown}' is no time that an act can last", "give more than 0"
+                )
             shown = f"{shown} = {value} {unit}"
             if int(value) != value:
                 message = f"'{piece.text}' is not a whole number of the domain's unit of time"
-                raise Unclear(piece.offset, message, f"the unit is {unit}")
-        if value > LARGEST:
-            raise Unclear(piece.offset, f"'{shown}' is too large", f"the largest number is {LARGEST}")
+                raise UnclearReference(piece.offset, message, f"the unit is {unit}")
+        if value > MAX_EXPRESSION_INTEGER:
+            raise UnclearReference(
+                piece.offset, f"'{shown}' is too large", f"the largest number is {MAX_EXPRESSION_INTEGER}"
+            )
         return (Number(int(value)),)
 
-    def _acts(self, clause: Clause, values: Mapping[str, Sequence[Term]]) -> Iterator[Act]:
+    def _acts(self, clause: Clause, values: Mapping[str, Sequence[Term]]) -> Iterator[SentenceAct]:
         """One act for each combination of the objects that fill the slots."""
         meaning = self.known[clause.form.phrase]
         own = [slot.variable for slot in meaning.slots if slot.type not in NUMERIC_TYPES]
-        count = math.prod(len(each) for each in values.values())
+        count = math.prod(len(choices) for choices in values.values())
         if count > MAX_ACTS:
             message = f"this asks for {count} acts, more than {MAX_ACTS}"
             raise InvalidInput([Diagnostic(self.place(clause.offset), "K007", message, "name fewer objects")])
@@ -181,25 +196,39 @@ class _Sentence:
     def _act(
         self,
         clause: Clause,
-        meaning: Meaning,
+        meaning: PhraseMeaning,
         bindings: Mapping[str, Term],
         named: Sequence[Term],
-    ) -> Act:
+    ) -> SentenceAct:
         bound = {Variable(variable): value for variable, value in bindings.items()}
-        asked = [Literal(substitute_atom(each.atom, bound), each.positive) for each in meaning.conditions]
-        literals = tuple(part for each in asked for part in alone(each))
+        asked = [
+            Literal(substitute_atom(condition.atom, bound), condition.positive)
+            for condition in meaning.conditions
+        ]
+        literals = tuple(part for literal in asked for part in literals_of_stage(literal))
         stages = self._stages(asked, meaning.is_stage)
-        goal = [condition(each, self.domain) for each in literals]
+        goal = [quantified_goal(literal, self.domain) for literal in literals]
         whole = goal[0] if len(goal) == 1 else And(tuple(goal))
-        said = [Function(each.object) for each in self.vocabulary.named(clause.form.parts)]
-        in_atoms = [] if named else [each for literal in literals for each in self._objects(literal.atom)]
-        about = [*named, *said, *in_atoms]
+        said_objects = [
+            Function(named_object.object) for named_object in self.vocabulary.named(clause.form.parts)
+        ]
+        in_atoms = (
+            []
+            if named
+            else [own_object for literal in literals for own_object in self._objects(literal.atom)]
+        )
+        about = [*named, *said_objects, *in_atoms]
         chosen = [bound[Variable(meaning.subject)]] if meaning.subject else []
         subject = (
-            chosen or named or said or _common_noun(clause) or in_atoms or [Function(literals[0].atom.name)]
+            chosen
+            or named
+            or said_objects
+            or _common_noun(clause)
+            or in_atoms
+            or [Function(literals[0].atom.name)]
         )[0]
         things = frozenset(about) - {subject}
-        return Act(
+        return SentenceAct(
             0,
             subject,
             things,
@@ -207,18 +236,24 @@ class _Sentence:
             whole,
             stages,
             must=meaning.is_stage,
-            lasts=not any(self.domain.predicates[each.atom.name].kind is Kind.EVENT for each in literals),
+            lasts=not any(
+                self.domain.predicates[literal.atom.name].kind is Kind.EVENT for literal in literals
+            ),
             alone=not named,
             then=clause.then,
         )
 
     def _stages(self, asked: Sequence[Literal], in_order: bool) -> tuple[Atom, ...] | None:
         """The stages of an act: those of its phrase, or what its goals are together. None if it cannot be a stage."""
-        kinds = {self.domain.predicates[part.atom.name].kind for each in asked for part in alone(each)}
-        if not kinds <= {Kind.FLUENT, Kind.EVENT} or not all(each.positive for each in asked):
+        kinds = {
+            self.domain.predicates[part.atom.name].kind
+            for literal in asked
+            for part in literals_of_stage(literal)
+        }
+        if not kinds <= {Kind.FLUENT, Kind.EVENT} or not all(literal.positive for literal in asked):
             return None
-        atoms = tuple(each.atom for each in asked)
-        return atoms if in_order or len(atoms) == 1 else (together(atoms),)
+        atoms = tuple(literal.atom for literal in asked)
+        return atoms if in_order or len(atoms) == 1 else (join_stage(atoms),)
 
     def _objects(self, term: Term) -> Iterator[Function]:
         """The objects in an atom, in order."""
@@ -230,67 +265,73 @@ class _Sentence:
 
 def _common_noun(clause: Clause) -> list[Function]:
     """What a phrase without slots is about if its words name no object: the words behind the verb. "open the gate": gate."""
-    words = [part.text for part in clause.form.parts if isinstance(part, Word)]
+    words = [part.text for part in clause.form.parts if isinstance(part, PatternWord)]
     noun = [word for word in words[1:] if word not in PARTICLES | PREPOSITIONS and word.isidentifier()]
     return (
         [Function("_".join(noun))]
-        if noun and not any(isinstance(part, Slot) for part in clause.form.parts)
+        if noun and not any(isinstance(part, PatternSlot) for part in clause.form.parts)
         else []
     )
 
 
-def _referred(clauses: Sequence[Clause], asked: dict[int, list[Act]]) -> dict[int, frozenset[int]]:
+def _referred_acts(
+    clauses: Sequence[Clause], asked: dict[int, list[SentenceAct]]
+) -> dict[int, frozenset[int]]:
     """The clauses such as "once probe 1 is heated" that mean acts said before, and where those were said.
 
     What is only said in short gets the acts that it means.
     """
-    found: dict[int, frozenset[int]] = {}
+    referred: dict[int, frozenset[int]] = {}
     for number, clause in enumerate(clauses):
-        if clause.link not in LINKED:
+        if clause.link not in LINK_KINDS:
             continue
-        known = {
-            _key(act, clause.again): (act, each.offset)
-            for each in clauses[:number]
-            if each.offset not in found
-            for act in asked[each.offset]
+        known_acts = {
+            _act_key(act, clause.again): (act, earlier_clause.offset)
+            for earlier_clause in clauses[:number]
+            if earlier_clause.offset not in referred
+            for act in asked[earlier_clause.offset]
         }
-        keys = [_key(act, clause.again) for act in asked[clause.offset]]
-        lost = next((a for a, key in zip(asked[clause.offset], keys, strict=True) if key not in known), None)
+        keys = [_act_key(act, clause.again) for act in asked[clause.offset]]
+        lost = next(
+            (a for a, key in zip(asked[clause.offset], keys, strict=True) if key not in known_acts), None
+        )
         if clause.again and lost is not None:
             message = f"this is said in short, but nothing before says it whole for {lost.subject}"
-            raise Unclear(clause.offset, message, "say the act whole, with all that belongs to it")
+            raise UnclearReference(clause.offset, message, "say the act whole, with all that belongs to it")
         if lost is None:
-            asked[clause.offset] = [known[key][0] for key in keys]
-            found[clause.offset] = frozenset(known[key][1] for key in keys)
-    return found
+            asked[clause.offset] = [known_acts[key][0] for key in keys]
+            referred[clause.offset] = frozenset(known_acts[key][1] for key in keys)
+    return referred
 
 
-def _say_once(clauses: Sequence[Clause], asked: dict[int, list[Act]]) -> None:
+def _say_once(clauses: Sequence[Clause], asked: dict[int, list[SentenceAct]]) -> None:
     """Take out what is only said again to put it first: "store all probes, but probe 2 first" stores probe 2 once."""
     for number, clause in enumerate(clauses):
-        if clause.link not in FIRST:
+        if clause.link not in FRONT_LINKS:
             continue
         first = {act.literals for act in asked[clause.offset]}
-        for each in clauses[:number]:
-            left = [act for act in asked[each.offset] if act.literals not in first]
-            asked[each.offset] = left or asked[each.offset]
+        for earlier_clause in clauses[:number]:
+            acts_left = [act for act in asked[earlier_clause.offset] if act.literals not in first]
+            asked[earlier_clause.offset] = acts_left or asked[earlier_clause.offset]
 
 
-def _key(act: Act, again: bool) -> object:
+def _act_key(act: SentenceAct, again: bool) -> object:
     """What two acts have in common if they are the same, or if one is said in short."""
-    return (act.subject, *(each.atom.name for each in act.literals)) if again else act.literals
+    return (act.subject, *(literal.atom.name for literal in act.literals)) if again else act.literals
 
 
-def _placed(number: int, clause: Clause, asked: Mapping[int, Sequence[Act]]) -> Iterator[Act]:
+def _place_acts(
+    number: int, clause: Clause, asked: Mapping[int, Sequence[SentenceAct]]
+) -> Iterator[SentenceAct]:
     """The acts of a clause with their place in the order of time."""
     own = {act.subject for act in asked[clause.offset]}
     groups = [asked[offset] for offset in sorted(clause.waits)]
     alone = [{act.subject for act in group} <= own for group in groups]  # each object goes on by itself
     for act in asked[clause.offset]:
         waits = frozenset(
-            other.literals
-            for group, each in zip(groups, alone, strict=True)
-            for other in group
-            if not each or other.subject == act.subject
+            awaited_act.literals
+            for group, is_alone in zip(groups, alone, strict=True)
+            for awaited_act in group
+            if not is_alone or awaited_act.subject == act.subject
         )
         yield replace(act, clause=number, then=clause.then, waits=waits)

@@ -11,14 +11,15 @@ from cellwright.kb.targets import (
     CELL_FILE,
     CONTACTS_FILE,
     DOMAIN_FILE,
-    bundled,
-    find,
+    bundled_domains,
+    domain_reference,
+    find_target,
     problem_files,
-    reference,
 )
 
 if TYPE_CHECKING:
-    from cellwright.kb.loader.loading import Loaded, domain_of, load, load_domain, load_problem, with_goals
+    from cellwright.kb.loader.domain_lookup import domain_of
+    from cellwright.kb.loader.loading import Loaded, load, load_domain, load_problem, with_goals
     from cellwright.kb.loader.plan import load_plan
 
 __all__ = [
@@ -26,15 +27,15 @@ __all__ = [
     "CONTACTS_FILE",
     "DOMAIN_FILE",
     "Loaded",
-    "bundled",
+    "bundled_domains",
     "domain_of",
-    "find",
+    "find_target",
     "load",
     "load_domain",
     "load_plan",
     "load_problem",
     "problem_files",
-    "reference",
+    "domain_reference",
     "with_goals",
 ]
 

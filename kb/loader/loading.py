@@ -1,20 +1,20 @@
-"""Domains and problems from files. All errors are collected and raised together as `InvalidInput`."""
+"""Loads domains and problems from files, and raises all errors together as `InvalidInput`."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File, read_file
-from cellwright.kb.loader.domain import Rewrite, as_written, read_domain
-from cellwright.kb.loader.names import Names
-from cellwright.kb.loader.problem import goal_condition, read_problem
-from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
-from cellwright.kb.loader.references import domain_file, domain_of, require_no_other
-from cellwright.kb.loader.tree import Node
-from cellwright.kb.model.conditions import TRUE
-from cellwright.kb.model.domain import Domain
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.targets import find
+from cellwright.kb.loader.domain_file import Rewrite, as_written, read_domain
+from cellwright.kb.loader.domain_lookup import domain_file_of, domain_of, require_no_other
+from cellwright.kb.loader.problem_file import goal_condition, read_problem
+from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
+from cellwright.kb.loader.symbol_table import SymbolTable
+from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.model.conditions import ALWAYS_TRUE
+from cellwright.kb.model.domain_model import Domain
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.targets import find_target
 
 __all__ = ["Loaded", "domain_of", "load", "load_domain", "load_problem", "with_goals"]
 
@@ -33,30 +33,30 @@ def load(path: Path, rewrite: Rewrite = as_written) -> Loaded:
 
     Raises `InvalidInput` with all errors.
     """
-    findings = Findings()
+    findings = LoadFindings()
     reader = Reader.of(read_file(path), findings)
     if isinstance(reader.root.value, dict):
         if "problem" in reader.root.value:
             return _load_problem(reader, findings, rewrite)
         require_no_other(path, reader.root.value)
     domain, _ = read_domain(path, findings, rewrite)
-    require(findings)
+    require_valid(findings)
     return Loaded(domain, None, findings.warnings())
 
 
-def _load_problem(reader: Reader, findings: Findings, rewrite: Rewrite) -> Loaded:
+def _load_problem(reader: Reader, findings: LoadFindings, rewrite: Rewrite) -> Loaded:
     if not validate_shape(reader, "problem"):
-        require(findings)
-    path = domain_file(reader)
+        require_valid(findings)
+    path = domain_file_of(reader)
     domain, names = read_domain(path, findings, rewrite)
     problem = read_problem(reader, domain, names, findings)
-    require(findings)
+    require_valid(findings)
     return Loaded(domain, problem, findings.warnings())
 
 
 def load_problem(target: str) -> Problem:
     """The problem that a target names. Raises `InvalidInput`."""
-    loaded = load(find(target))
+    loaded = load(find_target(target))
     if loaded.problem is None:
         raise InvalidInput(
             [
@@ -73,16 +73,16 @@ def load_problem(target: str) -> Problem:
 
 def load_domain(target: str) -> Domain:
     """The domain that a target names. Raises `InvalidInput`."""
-    return load(find(target)).domain
+    return load(find_target(target)).domain
 
 
 def with_goals(domain: Domain, goals: str, problem: Problem | None = None) -> Problem:
     """A problem of `domain` (or `problem` itself) with goals written as in a problem file. Raises `InvalidInput`."""
-    findings = Findings()
-    node = Node(goals, File.of("--goals", goals), 0, len(goals))
+    findings = LoadFindings()
+    node = YamlNode(goals, File.of("--goals", goals), 0, len(goals))
     base = problem or Problem("goals", domain)
     objects = {**domain.objects, **base.objects}
-    names = Names(
+    names = SymbolTable(
         findings,
         dict(domain.types),
         dict(domain.functions),
@@ -91,7 +91,7 @@ def with_goals(domain: Domain, goals: str, problem: Problem | None = None) -> Pr
         quantities=dict(domain.quantities),
     )
     expression = Reader(node, findings, domain.time_unit).parse("conditions", node)
-    require(findings)
-    goal = goal_condition(expression, names) if expression else TRUE
-    require(findings)
+    require_valid(findings)
+    goal = goal_condition(expression, names) if expression else ALWAYS_TRUE
+    require_valid(findings)
     return replace(base, goal=goal, chains=())

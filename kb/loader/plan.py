@@ -1,4 +1,4 @@
-"""The problem and the plan in a plan file, which is an answer of `cellwright plan --format json`."""
+"""Reads plan files: the problem and the plan in an answer of `cellwright plan --format json`."""
 
 import json
 import re
@@ -8,19 +8,19 @@ from pathlib import Path
 
 from cellwright.kb.asp import AspError, ground_term
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-from cellwright.kb.loader.amounts import amounts_of
-from cellwright.kb.loader.domain import Rewrite, as_written, read_domain
-from cellwright.kb.loader.problem import read_problem
-from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
-from cellwright.kb.loader.references import domain_file
-from cellwright.kb.loader.tree import Node, read_file
-from cellwright.kb.model.amounts import Amounts
-from cellwright.kb.model.plan import CausalLink, Claims, Happened, Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.model.traits import step_of
+from cellwright.kb.files import read_file
+from cellwright.kb.loader.domain_file import Rewrite, as_written, read_domain
+from cellwright.kb.loader.domain_lookup import domain_file_of
+from cellwright.kb.loader.problem_amounts import amounts_of
+from cellwright.kb.loader.problem_file import read_problem
+from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
+from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.model.operator_amounts import Amounts, step_of
+from cellwright.kb.model.plan_model import CausalLink, Claims, Happened, Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
-MAX_BYTES = 256 * 2**20  # of a plan of half a million steps
+MAX_PLAN_BYTES = 256 * 2**20  # of a plan of half a million steps
 MAX_VALUES = 25_000_000
 
 
@@ -34,19 +34,19 @@ def load_claimed(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Pl
 
     Raises `InvalidInput` with all errors in its form.
     """
-    findings = Findings()
-    reader = Reader.of(read_file(path, most=MAX_BYTES), findings, MAX_VALUES)
+    findings = LoadFindings()
+    reader = Reader.of(read_file(path, most=MAX_PLAN_BYTES), findings, MAX_VALUES)
     _require_plan(reader)
     if not validate_shape(reader, "plan"):
-        require(findings)
+        require_valid(findings)
     entry = reader.root.descend(("data", "plan"))
     inner = Reader(entry.descend(("problem",)), findings)
-    domain, names = read_domain(domain_file(inner), findings, rewrite)
+    domain, names = read_domain(domain_file_of(inner), findings, rewrite)
     problem = read_problem(inner, domain, names, findings)
     plan_reader = Reader(entry, findings, domain.time_unit)
-    plan = Plan(tuple(_steps(plan_reader, amounts_of(problem))), tuple(_links(plan_reader)))
-    claims = _claims(plan_reader, reader.root.descend(("data", "makespan")))
-    require(findings)
+    plan = Plan(tuple(_read_steps(plan_reader, amounts_of(problem))), tuple(_read_links(plan_reader)))
+    claims = _read_claims(plan_reader, reader.root.descend(("data", "makespan")))
+    require_valid(findings)
     return problem, plan, claims
 
 
@@ -61,45 +61,45 @@ def _require_plan(reader: Reader) -> None:
     )
 
 
-def _steps(reader: Reader, amounts: Amounts) -> list[Step]:
+def _read_steps(reader: Reader, amounts: Amounts) -> list[Step]:
     """The steps; what an entry leaves out is as the domain says."""
-    return [_step(reader, node, amounts) for node in reader.items("steps")]
+    return [_read_step(reader, node, amounts) for node in reader.items("steps")]
 
 
-def _step(reader: Reader, node: Node, amounts: Amounts) -> Step:
-    after = tuple(StepId(_whole(reader, each)) for each in _listed(node, "after"))
-    number = StepId(_whole(reader, node.descend(("id",))))
-    operator = _term(reader, node.descend(("operator",)))
+def _read_step(reader: Reader, node: YamlNode, amounts: Amounts) -> Step:
+    after = tuple(StepId(_whole_number(reader, item)) for item in _list_items(node, "after"))
+    number = StepId(_whole_number(reader, node.descend(("id",))))
+    operator = _ground_term_at(reader, node.descend(("operator",)))
     said = {"resources", "duration", "cost"} <= {*node.value}
     plain = Step(number, operator, after) if said else step_of(amounts, number, operator, after)
-    held = tuple(_term(reader, each) for each in _listed(node, "resources"))
+    held = tuple(_ground_term_at(reader, item) for item in _list_items(node, "resources"))
     return replace(
         plain,
         resources=held if "resources" in node.value else plain.resources,
-        duration=_number(reader, node, "duration", plain.duration),
-        cost=_number(reader, node, "cost", plain.cost),
+        duration=_number_at(reader, node, "duration", plain.duration),
+        cost=_number_at(reader, node, "cost", plain.cost),
     )
 
 
-def _claims(reader: Reader, answered: Node) -> Claims:
+def _read_claims(reader: Reader, answered: YamlNode) -> Claims:
     """The starts of steps, the sums and the histories that a file has, and what is `answered` about its makespan."""
     starts = {
-        StepId(_whole(reader, node.descend(("id",)))): _whole(reader, node.value["start"][1])
+        StepId(_whole_number(reader, node.descend(("id",)))): _whole_number(reader, node.value["start"][1])
         for node in reader.items("steps")
         if "start" in node.value
     }
     cost, makespan = (
-        _whole(reader, reader.root.value[name][1]) if name in reader.root.value else None
+        _whole_number(reader, reader.root.value[name][1]) if name in reader.root.value else None
         for name in ("cost", "makespan")
     )
     said = answered.value if isinstance(answered.value, dict) else {}
     told, bound = (
-        _whole(reader, said[name][1]) if name in said else None for name in ("makespan", "lower_bound")
+        _whole_number(reader, said[name][1]) if name in said else None for name in ("makespan", "lower_bound")
     )
-    return Claims(starts, cost, makespan, tuple(_happened(reader)), told, bound)
+    return Claims(starts, cost, makespan, tuple(_read_history(reader)), told, bound)
 
 
-def _happened(reader: Reader) -> Iterator[Happened]:
+def _read_history(reader: Reader) -> Iterator[Happened]:
     """The lines of the histories that have the form in which they are written."""
     for history in reader.items("histories"):
         chain, stages = history.value.get("chain"), history.value.get("stages")
@@ -108,37 +108,37 @@ def _happened(reader: Reader) -> Iterator[Happened]:
             yield Happened(
                 str(chain[1].value),
                 str(said.get("stage", "")),
-                StepId(_integer(said.get("step"))),
-                _integer(said.get("start")),
-                _integer(said.get("duration")),
+                StepId(_integer_of(said.get("step"))),
+                _integer_of(said.get("start")),
+                _integer_of(said.get("duration")),
             )
 
 
-def _integer(said: object) -> int:
+def _integer_of(said: object) -> int:
     """A number that only a computed key holds; -1 if it is none."""
     return int(str(said)) if re.fullmatch(r"[0-9]{1,10}", str(said)) else -1
 
 
-def _links(reader: Reader) -> list[CausalLink]:
+def _read_links(reader: Reader) -> list[CausalLink]:
     return [
         CausalLink(
-            StepId(_whole(reader, node.descend(("producer",)))),
-            _term(reader, node.descend(("condition",))),
-            StepId(_whole(reader, node.descend(("consumer",)))),
+            StepId(_whole_number(reader, node.descend(("producer",)))),
+            _ground_term_at(reader, node.descend(("condition",))),
+            StepId(_whole_number(reader, node.descend(("consumer",)))),
         )
         for node in reader.items("links")
     ]
 
 
-def _listed(node: Node, key: str) -> list[Node]:
+def _list_items(node: YamlNode, key: str) -> list[YamlNode]:
     return node.value[key][1].value if key in node.value else []
 
 
-def _number(reader: Reader, node: Node, key: str, default: int) -> int:
-    return _whole(reader, node.value[key][1]) if key in node.value else default
+def _number_at(reader: Reader, node: YamlNode, key: str, default: int) -> int:
+    return _whole_number(reader, node.value[key][1]) if key in node.value else default
 
 
-def _whole(reader: Reader, node: Node) -> int:
+def _whole_number(reader: Reader, node: YamlNode) -> int:
     """A whole number in digits. Python also accepts `1.0` and `1_0`; they are refused here."""
     if re.fullmatch(r"-?[0-9]{1,10}", str(node.value)):
         return int(node.value)
@@ -151,19 +151,19 @@ def _whole(reader: Reader, node: Node) -> int:
 _TERM_HINT = "write it as in ASP, such as move(arm, table)"
 
 
-def _term(reader: Reader, node: Node) -> Function:
+def _ground_term_at(reader: Reader, node: YamlNode) -> Function:
     """A ground term. Clingo reads it, because that is fast and plans hold thousands of terms."""
     try:
-        found = ground_term(node.value)
+        term = ground_term(node.value)
     except AspError as error:
         reader.findings.add(node.where, "K402", f"'{node.value}' is not a ground term: {error}", _TERM_HINT)
         return Function("unreadable")
-    if not isinstance(found, Function):
+    if not isinstance(term, Function):
         reader.findings.add(
             node.where, "K402", f"'{node.value}' is neither an atom nor an object", _TERM_HINT
         )
         return Function("unreadable")
-    return found
+    return term
 
 
 def is_plan(path: Path) -> bool:

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cellwright.kb.diagnostics import NOWHERE, Diagnostic, InvalidInput, Source
-from cellwright.kb.loader.node import MAX_NODES
-from cellwright.kb.loader.tree import File, Node, read_tree
+from cellwright.kb.files import File
+from cellwright.kb.loader.yaml_tree import MAX_NODES, YamlNode, read_tree
 from cellwright.kb.model.statement import Statement
-from cellwright.kb.schema import Deviation, deviations
-from cellwright.kb.syntax import ExpressionError, Parsed, parse
+from cellwright.kb.schema import Deviation, find_deviations
+from cellwright.kb.syntax import ExpressionError, Parsed, parse_expression
 from cellwright.kb.terms import Function, Variable
 
 MAX_OBJECTS = 100_000  # names in one file, with all names of ranges
@@ -18,7 +18,7 @@ MAX_FINDINGS = 1000
 
 
 @dataclass
-class Findings:
+class LoadFindings:
     """The diagnostics of one load, in the order found."""
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -44,7 +44,7 @@ class Expression:
 
     value: Any
     parsed: Parsed
-    node: Node
+    node: YamlNode
 
     def place(self, term: Function | Variable | None = None) -> Source:
         """The first place of `term`; the beginning of the string if it does not occur."""
@@ -55,15 +55,15 @@ class Expression:
 class Reader:
     """One file being read: its tree, its findings and its unit of time."""
 
-    def __init__(self, root: Node, findings: Findings, time_unit: str = "s") -> None:
+    def __init__(self, root: YamlNode, findings: LoadFindings, time_unit: str = "s") -> None:
         self.root, self.findings, self.time_unit = root, findings, time_unit
         self.named = 0
 
     @classmethod
-    def of(cls, file: File, findings: Findings, most: int = MAX_NODES) -> "Reader":
+    def of(cls, file: File, findings: LoadFindings, most: int = MAX_NODES) -> "Reader":
         """A reader of a YAML file with at most so many values. Raises `InvalidInput` if the file contains no tree."""
-        root, found = read_tree(file, most)
-        findings.diagnostics.extend(found)
+        root, diagnostics = read_tree(file, most)
+        findings.diagnostics.extend(diagnostics)
         return cls(root, findings)
 
     def expression(self, start: str, *path: str | int) -> Expression | None:
@@ -75,25 +75,25 @@ class Reader:
             node = node.descend((part,))
         return self.parse(start, node)
 
-    def parse(self, start: str, node: Node) -> Expression | None:
+    def parse(self, start: str, node: YamlNode) -> Expression | None:
         """The expression in a scalar."""
         if not isinstance(node.value, str) or not node.value.strip():
             return None
         try:
-            parsed = parse(start, node.value, self.time_unit, _read_aggregate)
+            parsed = parse_expression(start, node.value, self.time_unit, _read_aggregate)
         except ExpressionError as error:
             self.findings.add(node.place(error.offset), error.code, error.message, error.hint)
             return None
         return Expression(parsed.value, parsed, node)
 
-    def entries(self, *path: str | int) -> Iterator[tuple[str, Node, Node]]:
+    def entries(self, *path: str | int) -> Iterator[tuple[str, YamlNode, YamlNode]]:
         """The (key, key node, value node) of the mapping at `path`, if it is one."""
         node = self.root.descend(path)
         if isinstance(node.value, dict) and self._reached(path):
             for key, (key_node, value) in node.value.items():
                 yield key, key_node, value
 
-    def items(self, *path: str | int) -> list[Node]:
+    def items(self, *path: str | int) -> list[YamlNode]:
         """The nodes of the sequence at `path`, if it is one."""
         node = self.root.descend(path)
         return node.value if isinstance(node.value, list) and self._reached(path) else []
@@ -121,15 +121,15 @@ class Reader:
             node = following
         return True
 
-    def names(self, node: Node) -> list[tuple[str, Node]]:
+    def names(self, node: YamlNode) -> list[tuple[str, YamlNode]]:
         """The names in a list node, each with its node. Ranges such as `depot_1..4` give all their names."""
-        found: list[tuple[str, Node]] = []
+        names: list[tuple[str, YamlNode]] = []
         for item in node.value if isinstance(node.value, list) else []:
             if isinstance(item.value, str):
-                found += [(name, item) for name in self._expand(item.value, item) if self.is_name(name, item)]
-        return found
+                names += [(name, item) for name in self._expand(item.value, item) if self.is_name(name, item)]
+        return names
 
-    def once(self, named: Iterable[tuple[str, Node]]) -> Iterator[tuple[str, Node]]:
+    def once(self, named: Iterable[tuple[str, YamlNode]]) -> Iterator[tuple[str, YamlNode]]:
         """Each name once, with a warning for every repetition."""
         seen: set[str] = set()
         for name, node in named:
@@ -140,7 +140,7 @@ class Reader:
                 seen.add(name)
                 yield name, node
 
-    def is_name(self, name: str, node: Node) -> bool:
+    def is_name(self, name: str, node: YamlNode) -> bool:
         """Whether users may use this name. If not, this is reported."""
         if name == "not" or name.startswith("_"):
             hint = (
@@ -154,7 +154,7 @@ class Reader:
         self.findings.add(node.where, "K112", f"'{name[:60]}' is not a name", hint)
         return False
 
-    def _expand(self, text: str, node: Node) -> list[str]:
+    def _expand(self, text: str, node: YamlNode) -> list[str]:
         range_ = re.fullmatch(r"([a-z][A-Za-z0-9_]*?)([0-9]+)\.\.([A-Za-z0-9_]*?)([0-9]+)", text)
         if range_ is None or range_[3] not in ("", range_[1]):
             self.named += 1
@@ -180,10 +180,10 @@ class Reader:
 def _read_aggregate(text: str, offset: int) -> Statement:
     """What an aggregate of an expression reads, as the constraint that forbids it. Raises `ExpressionError`."""
     from cellwright.kb.asp import AspError
-    from cellwright.kb.asp.statements import RefusedStatement, statements
+    from cellwright.kb.asp.statements import RefusedStatement, read_statements
 
     try:
-        (read,) = statements(f":- {text}.", lambda _line, _column: NOWHERE, pools=True)
+        (read,) = read_statements(f":- {text}.", lambda _line, _column: NOWHERE, pools=True)
     except AspError as error:
         hint = "write it as in ASP: #count { X : p(X) }"
         raise ExpressionError(offset, f"in '{text}': {error}", hint) from None
@@ -194,13 +194,15 @@ def _read_aggregate(text: str, offset: int) -> Statement:
 
 def validate_shape(reader: Reader, kind: str) -> bool:
     """Whether the file has the form of its kind. Every deviation is reported at its place."""
-    found = deviations(kind, reader.root.plain())
-    for each in found:
-        reader.findings.add(_place(reader.root, each), "K005", each.message, each.hint)
-    return not found
+    differences = find_deviations(kind, reader.root.plain())
+    for deviation in differences:
+        reader.findings.add(
+            _deviation_place(reader.root, deviation), "K005", deviation.message, deviation.hint
+        )
+    return not differences
 
 
-def _place(root: Node, deviation: Deviation) -> Source:
+def _deviation_place(root: YamlNode, deviation: Deviation) -> Source:
     if deviation.at_key:
         parent = root.descend(deviation.path[:-1])
         if isinstance(parent.value, dict) and deviation.path[-1] in parent.value:
@@ -209,7 +211,7 @@ def _place(root: Node, deviation: Deviation) -> Source:
     return root.descend(deviation.path).where
 
 
-def require(findings: Findings) -> None:
+def require_valid(findings: LoadFindings) -> None:
     """Raise `InvalidInput` if anything found so far is an error."""
     if any(not diagnostic.warning for diagnostic in findings.diagnostics):
         raise InvalidInput(findings.diagnostics)

@@ -1,4 +1,4 @@
-"""Conditions of operators, effects and rules.
+"""Conditions of operators, effects and rules: literals, comparisons, quantifiers, aggregates.
 
 The domain language and PDDL share this one language of formulas.
 """
@@ -14,9 +14,9 @@ from cellwright.kb.terms import (
     Substitution,
     Term,
     Variable,
-    substitute,
     substitute_atom,
-    variables,
+    substitute_term,
+    term_variables,
 )
 
 
@@ -74,7 +74,14 @@ class Aggregate:
         return self.text
 
 
-MIRRORED = {"=": "=", "!=": "!=", "<": ">", "<=": ">=", ">": "<", ">=": "<="}  # with the sides exchanged
+MIRRORED_RELATIONS = {
+    "=": "=",
+    "!=": "!=",
+    "<": ">",
+    "<=": ">=",
+    ">": "<",
+    ">=": "<=",
+}  # with the sides exchanged
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,10 +110,10 @@ class StateAggregate:
     positive: bool = True
 
     def __str__(self) -> str:
-        *left, (relation, term) = self.guards
+        *other_guards, (relation, term) = self.guards
         said = f"#{self.function} {{ {'; '.join(map(str, self.elements))} }} {relation} {term}"
-        for relation, term in left:
-            said = f"{term} {MIRRORED[relation]} {said}"
+        for relation, term in other_guards:
+            said = f"{term} {MIRRORED_RELATIONS[relation]} {said}"
         return said if self.positive else f"not {said}"
 
 
@@ -131,7 +138,7 @@ class Or:
     parts: tuple["Condition", ...] = ()
 
     def __str__(self) -> str:
-        return " | ".join(map(_enclosed, self.parts))
+        return " | ".join(map(_in_brackets, self.parts))
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +148,7 @@ class Not:
     part: "Condition"
 
     def __str__(self) -> str:
-        return f"not {_enclosed(self.part)}"
+        return f"not {_in_brackets(self.part)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,14 +168,14 @@ class Exists:
         """A comparison of quantities, as a person writes it; nothing if this is something else."""
         parts = self.part.parts if isinstance(self.part, And) else ()
         given = [
-            each.atom for each in parts if isinstance(each, Literal) and each.positive and each.atom.arguments
+            part.atom for part in parts if isinstance(part, Literal) and part.positive and part.atom.arguments
         ]
         values: dict[Variable, Term] = {
             atom.arguments[-1]: Function(atom.name, atom.arguments[:-1])
             for atom in given
             if isinstance(atom.arguments[-1], Variable)
         }
-        tests = [substitute_part(each, values) for each in parts if isinstance(each, Comparison)]
+        tests = [substitute_part(part, values) for part in parts if isinstance(part, Comparison)]
         own = set(values) == {parameter.variable for parameter in self.parameters}
         return ", ".join(map(str, tests)) if own and len(given) + len(tests) == len(parts) else ""
 
@@ -190,10 +197,10 @@ class ForAll:
 
 Condition = Literal | Comparison | Aggregate | StateAggregate | And | Or | Not | Exists | ForAll
 
-TRUE = And(())
+ALWAYS_TRUE = And(())
 
 
-def _enclosed(condition: Condition) -> str:
+def _in_brackets(condition: Condition) -> str:
     match condition:
         case And(parts) | Or(parts) if len(parts) > 1:
             return f"({condition})"
@@ -201,24 +208,24 @@ def _enclosed(condition: Condition) -> str:
             return str(condition)
 
 
-def conditions(condition: Condition) -> Iterator[Condition]:
+def all_conditions(condition: Condition) -> Iterator[Condition]:
     """The condition and all its parts, from the outside to the inside."""
     yield condition
     match condition:
         case And(parts) | Or(parts):
             for part in parts:
-                yield from conditions(part)
+                yield from all_conditions(part)
         case Not(part) | Exists(_, part) | ForAll(_, part):
-            yield from conditions(part)
+            yield from all_conditions(part)
         case StateAggregate(_, elements):
-            yield from (part for each in elements for part in each.body)
+            yield from (part for element in elements for part in element.body)
         case _:
             return
 
 
-def literals(condition: Condition) -> Iterator[Literal]:
+def literals_in(condition: Condition) -> Iterator[Literal]:
     """Every literal in the condition, in order of occurrence."""
-    return (part for part in conditions(condition) if isinstance(part, Literal))
+    return (part for part in all_conditions(condition) if isinstance(part, Literal))
 
 
 def goal_parts(goal: Condition) -> tuple[Condition, ...]:
@@ -232,10 +239,10 @@ def part_variables(part: BodyPart) -> Iterator[Variable]:
     """The variables of a part of a body, in order, repeated as they repeat."""
     match part:
         case Literal(atom):
-            yield from variables(atom)
+            yield from term_variables(atom)
         case Comparison(left, _, right):
-            yield from variables(left)
-            yield from variables(right)
+            yield from term_variables(left)
+            yield from term_variables(right)
         case Aggregate(outer=outer) | StateAggregate(outer=outer):
             yield from outer
 
@@ -247,33 +254,39 @@ def substitute_part(part: BodyPart, bindings: Substitution) -> BodyPart:
             made = substitute_atom(atom, bindings)
             return part if made is atom else Literal(made, positive)
         case Comparison(left, relation, right):
-            return Comparison(substitute(left, bindings), relation, substitute(right, bindings), part.exact)
+            return Comparison(
+                substitute_term(left, bindings), relation, substitute_term(right, bindings), part.exact
+            )
         case Aggregate():
             return part
         case StateAggregate():
-            return _substituted(part, bindings)
+            return _substitute_aggregate(part, bindings)
 
 
-def _substituted(aggregate: StateAggregate, bindings: Substitution) -> StateAggregate:
+def _substitute_aggregate(aggregate: StateAggregate, bindings: Substitution) -> StateAggregate:
     """An aggregate with its outer variables replaced."""
     own = {variable: term for variable, term in bindings.items() if variable in aggregate.outer}
     return StateAggregate(
         aggregate.function,
         tuple(
             Element(
-                tuple(substitute(term, own) for term in each.terms),
-                tuple(_inner(part, own) for part in each.body),
+                tuple(substitute_term(term, own) for term in element.terms),
+                tuple(_substitute_inner(part, own) for part in element.body),
             )
-            for each in aggregate.elements
+            for element in aggregate.elements
         ),
-        tuple((relation, substitute(term, own)) for relation, term in aggregate.guards),
-        tuple(dict.fromkeys(v for each in aggregate.outer for v in variables(substitute(each, own)))),
+        tuple((relation, substitute_term(term, own)) for relation, term in aggregate.guards),
+        tuple(
+            dict.fromkeys(
+                v for outer_term in aggregate.outer for v in term_variables(substitute_term(outer_term, own))
+            )
+        ),
         aggregate.positive,
     )
 
 
-def _inner(part: Literal | Comparison, bindings: Substitution) -> Literal | Comparison:
+def _substitute_inner(part: Literal | Comparison, bindings: Substitution) -> Literal | Comparison:
     if isinstance(part, Literal):
         return Literal(substitute_atom(part.atom, bindings), part.positive)
-    left, right = substitute(part.left, bindings), substitute(part.right, bindings)
+    left, right = substitute_term(part.left, bindings), substitute_term(part.right, bindings)
     return Comparison(left, part.relation, right, part.exact)

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from cellwright.kb.diagnostics import NOWHERE, Source
-from cellwright.kb.terms import Atom, variables
+from cellwright.kb.terms import Atom, term_variables
 
 Signature = tuple[str, int]
 """A predicate's name and how many arguments it has."""
@@ -74,7 +74,7 @@ class Statement:
         return f"{head} :- {'; '.join(self.body)}." if self.body else f"{head}."
 
 
-def derivation(head: Atom, body: Sequence[Atom]) -> Statement:
+def derivation_statement(head: Atom, body: Sequence[Atom]) -> Statement:
     """The statement `head :- body`. Its atoms have no texts and no arithmetic, and none is negated."""
     uses = tuple(PredicateUse((atom.name, len(atom.arguments)), Sign.POSITIVE) for atom in body)
     parts = tuple(map(str, body))
@@ -85,6 +85,6 @@ def derivation(head: Atom, body: Sequence[Atom]) -> Statement:
         head=made.head,
         body=parts,
         uses=uses,
-        variables=tuple(each.name for atom in (head, *body) for each in variables(atom)),
+        variables=tuple(variable.name for atom in (head, *body) for variable in term_variables(atom)),
         names=tuple(atom.name for atom in (head, *body)),
     )

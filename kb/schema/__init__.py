@@ -2,16 +2,16 @@
 
 from typing import Any
 
-from cellwright.kb.schema.validation import Deviation, deviations, keys_at, model_of, values_at
+from cellwright.kb.schema.form_validation import Deviation, find_deviations, form_model, keys_at, values_at
 
-__all__ = ["KINDS", "Deviation", "deviations", "json_schema", "keys_at", "values_at"]
+__all__ = ["FORM_KINDS", "Deviation", "find_deviations", "json_schema", "keys_at", "values_at"]
 
-KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "device", "events")
+FORM_KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "device", "events")
 
 
 def json_schema(kind: str) -> dict[str, Any]:
     """The JSON Schema of a kind of file, with a description of every key."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **model_of(kind).model_json_schema(by_alias=True),
+        **form_model(kind).model_json_schema(by_alias=True),
     }

@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
-from cellwright.kb.schema.shapes import Strict
-from cellwright.kb.schema.solids import Pair, PoseEntry, Quantity, ShapeEntry, UnitsEntry
+from cellwright.kb.schema.form_base import Strict
+from cellwright.kb.schema.geometry_forms import Pair, PoseEntry, Quantity, ShapeEntry, UnitsEntry
 
 
 class DhEntry(Strict):

@@ -4,8 +4,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cellwright.kb.schema.shapes import Expression, Strict, Truth
-from cellwright.kb.schema.solids import Pair, PlacedEntry, PoseEntry, Quantity, ShapeEntry, Triple, UnitsEntry
+from cellwright.kb.schema.form_base import Expression, Strict, Truth
+from cellwright.kb.schema.geometry_forms import (
+    Pair,
+    PlacedEntry,
+    PoseEntry,
+    Quantity,
+    ShapeEntry,
+    Triple,
+    UnitsEntry,
+)
 
 
 class MountedArmEntry(PlacedEntry):

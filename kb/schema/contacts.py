@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cellwright.kb.schema.shapes import Expression, Names, Strict, Truth
-from cellwright.kb.schema.solids import PoseEntry, UnitsEntry
+from cellwright.kb.schema.form_base import Expression, Names, Strict, Truth
+from cellwright.kb.schema.geometry_forms import PoseEntry, UnitsEntry
 
 Template = Annotated[
     str,

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from cellwright.kb.schema.domain import Sections
-from cellwright.kb.schema.shapes import Strict
+from cellwright.kb.schema.form_base import Strict
 
 Meaning = Annotated[str, Field(description="what it means, in a few words")]
 

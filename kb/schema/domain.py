@@ -1,12 +1,12 @@
-"""The form of `domain.yaml`."""
+"""The form of `domain.yaml`: what a domain file may contain."""
 
 from typing import Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
-from cellwright.kb.model.conventions import CONVENTIONS
-from cellwright.kb.schema.shapes import Expression, Names, Strict, Truth, VariableTypes, WholeNumber
+from cellwright.kb.model.name_conventions import CONVENTION_BY_NAME
+from cellwright.kb.schema.form_base import Expression, Names, Strict, Truth, VariableTypes, WholeNumber
 
 
 class StaticEntry(Strict):
@@ -193,8 +193,11 @@ class CommandsEntry(Strict):
 
 
 _ROLES: JsonDict = {
-    role: {"type": "string", "description": f"what this domain calls {each.written()}: {each.meaning}"}
-    for role, each in CONVENTIONS.items()
+    role: {
+        "type": "string",
+        "description": f"what this domain calls {convention.written()}: {convention.meaning}",
+    }
+    for role, convention in CONVENTION_BY_NAME.items()
 }
 
 

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from cellwright.kb.schema.shapes import Expression, Strict, Truth, WholeNumber
+from cellwright.kb.schema.form_base import Expression, Strict, Truth, WholeNumber
 
 Cost = Annotated[WholeNumber, Field(ge=0, description="its cost, in units of the domain's time")]
 Say = Annotated[str, Field(description="a description for people, in a few words")]

@@ -1,8 +1,8 @@
-"""The form of a problem file."""
+"""The form of a problem file: objects, facts, goals and workflow."""
 
 from pydantic import Field
 
-from cellwright.kb.schema.shapes import Expression, Facts, Names, Strict, Truth, WholeNumber
+from cellwright.kb.schema.form_base import Expression, Facts, Names, Strict, Truth, WholeNumber
 
 
 class WorkflowEntry(Strict):

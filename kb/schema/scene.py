@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from cellwright.kb.schema.shapes import Strict, WholeNumber
-from cellwright.kb.schema.solids import PlacedEntry, Quantity, Triple, UnitsEntry
+from cellwright.kb.schema.form_base import Strict, WholeNumber
+from cellwright.kb.schema.geometry_forms import PlacedEntry, Quantity, Triple, UnitsEntry
 
 
 class CameraFileEntry(PlacedEntry):

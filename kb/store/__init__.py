@@ -7,11 +7,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cellwright.kb.store.documents import document, dumps, loads, macrop_of
-    from cellwright.kb.store.library import Library
-    from cellwright.kb.store.notation import NotationError, Requirement
-    from cellwright.kb.store.outlines import Outline
-    from cellwright.kb.store.records import Figures, Record, Stored, Use
+    from cellwright.kb.store.macrop_documents import (
+        Figures,
+        Record,
+        Stored,
+        Use,
+        document,
+        dumps,
+        loads,
+        macrop_of,
+    )
+    from cellwright.kb.store.macrop_library import Library
+    from cellwright.kb.store.macrop_outlines import Outline
+    from cellwright.kb.store.term_notation import NotationError, Requirement
 
 __all__ = [
     "Figures",
@@ -29,11 +37,11 @@ __all__ = [
 ]
 
 _WHERE = {
-    **dict.fromkeys(("document", "dumps", "loads", "macrop_of"), "documents"),
-    "Library": "library",
-    **dict.fromkeys(("Figures", "Record", "Stored", "Use"), "records"),
-    **dict.fromkeys(("NotationError", "Requirement"), "notation"),
-    "Outline": "outlines",
+    **dict.fromkeys(("document", "dumps", "loads", "macrop_of"), "macrop_documents"),
+    "Library": "macrop_library",
+    **dict.fromkeys(("Figures", "Record", "Stored", "Use"), "macrop_documents"),
+    **dict.fromkeys(("NotationError", "Requirement"), "term_notation"),
+    "Outline": "macrop_outlines",
 }
 
 

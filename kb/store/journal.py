@@ -19,10 +19,9 @@ from sqlalchemy import (
     select,
 )
 
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from cellwright.kb.json_text import parsed
-from cellwright.kb.store.engines import MIGRATION, lock, refusal, transaction
-from cellwright.kb.store.opening import Database
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
+from cellwright.kb.json_text import parse_json
+from cellwright.kb.store.database import MIGRATION, Database, lock_key, open_transaction, store_refusal
 
 metadata = MetaData()
 runs = Table(
@@ -42,7 +41,7 @@ lines = Table(
     Column("content", Text, nullable=False),
     sqlite_with_rowid=False,
 )
-PAGE = 5_000  # lines that are read at once
+JOURNAL_PAGE_LINES = 5_000  # lines that are read at once
 _encoded = json.JSONEncoder(ensure_ascii=False).encode  # made once: `json.dumps` makes one for each line
 
 
@@ -51,7 +50,7 @@ class JournalFailure(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class JournalLine:
     """One line of a journal: its number, the run's clock, what kind it is, and its content as plain JSON."""
 
     number: int
@@ -75,8 +74,8 @@ class Journal(Database):
     def __init__(self, target: str) -> None:
         super().__init__(target, durable=True)
         self._held: PoolProxiedConnection | None = None
-        with transaction(self._engine, target, writes=True) as connection:
-            lock(connection, MIGRATION)
+        with open_transaction(self._engine, target, writes=True) as connection:
+            lock_key(connection, MIGRATION)
             metadata.create_all(connection)
 
     def close(self) -> None:
@@ -89,7 +88,7 @@ class Journal(Database):
         """Make a journal; False if there is one of this name already."""
         if self.run(run) is not None:
             return False
-        with transaction(self._engine, self.target, writes=True) as connection:
+        with open_transaction(self._engine, self.target, writes=True) as connection:
             row = {"run": run, "begun": begun, "document": json.dumps(document, ensure_ascii=False)}
             connection.execute(runs.insert(), [row])
         return True
@@ -97,10 +96,10 @@ class Journal(Database):
     def withdraw(self, run: str) -> None:
         """Take a run off the list if it has no line: it never began."""
         if not self.last(run):
-            with transaction(self._engine, self.target, writes=True) as connection:
+            with open_transaction(self._engine, self.target, writes=True) as connection:
                 connection.execute(runs.delete().where(runs.c.run == run))
 
-    def append(self, run: str, group: Sequence[Line]) -> None:
+    def append(self, run: str, group: Sequence[JournalLine]) -> None:
         """Append lines in one transaction, and have them written to the disk. Raises `JournalFailure`."""
         errors = self._engine.dialect.loaded_dbapi.Error
         lite = self._engine.dialect.name == "sqlite"
@@ -112,7 +111,7 @@ class Journal(Database):
                 cursor.execute("BEGIN IMMEDIATE")
             cursor.executemany(
                 f"INSERT INTO journal (run, number, at_ms, kind, content) VALUES ({marks})",
-                [(run, *_row(line)) for line in group],
+                [(run, *_line_row(line)) for line in group],
             )
             held.commit()
         except errors as error:
@@ -133,25 +132,25 @@ class Journal(Database):
 
     def run(self, name: str) -> Begun | None:
         """The run of this name; None if there is none."""
-        return next((each for each in self.begun() if each.run == name), None)
+        return next((begun_run for begun_run in self.begun() if begun_run.run == name), None)
 
     def known(self, name: str) -> Begun:
         """The run of this name. Raises `InvalidInput` if there is none."""
-        found = self.run(name)
-        if found is None:
-            names = [each.run for each in self.begun()]
-            hint = nearest(name, names) or (
+        begun_run = self.run(name)
+        if begun_run is None:
+            names = [known_run.run for known_run in self.begun()]
+            hint = nearest_hint(name, names) or (
                 f"one of: {', '.join(names[-8:])}" if names else "it has no runs yet"
             )
             message = f"there is no run of this name in {self.target}"
             raise InvalidInput([Diagnostic(Source(name), "K421", message, hint)])
-        return found
+        return begun_run
 
     def begun(self) -> tuple[Begun, ...]:
         """All runs, the oldest first."""
-        with transaction(self._engine, self.target) as connection:
+        with open_transaction(self._engine, self.target) as connection:
             rows = connection.execute(select(runs).order_by(runs.c.begun, runs.c.run)).all()
-        return tuple(Begun(run, begun, _content(self.target, text)) for run, begun, text in rows)
+        return tuple(Begun(run, begun, _line_content(self.target, text)) for run, begun, text in rows)
 
     def last(self, run: str, kind: str = "", before: int | None = None) -> int:
         """The number of the last line, or of the last one of a kind, or `before` another one; 0 if there is none."""
@@ -159,44 +158,48 @@ class Journal(Database):
         asked = asked.where(lines.c.kind == kind) if kind else asked
         asked = asked.where(lines.c.number < before) if before is not None else asked
         asked = asked.order_by(lines.c.number.desc()).limit(1)  # read from the end: a maximum would read all
-        with transaction(self._engine, self.target) as connection:
+        with open_transaction(self._engine, self.target) as connection:
             return int(connection.execute(asked).scalar() or 0)
 
-    def line(self, run: str, number: int) -> Line | None:
+    def line(self, run: str, number: int) -> JournalLine | None:
         """One line of a run; None if there is none of this number."""
         asked = select(lines.c.at_ms, lines.c.kind, lines.c.content)
         asked = asked.where((lines.c.run == run) & (lines.c.number == number))
-        with transaction(self._engine, self.target) as connection:
-            found = connection.execute(asked).first()
-        return None if found is None else Line(number, found[0], found[1], _content(self.target, found[2]))
+        with open_transaction(self._engine, self.target) as connection:
+            line_row = connection.execute(asked).first()
+        return (
+            None
+            if line_row is None
+            else JournalLine(number, line_row[0], line_row[1], _line_content(self.target, line_row[2]))
+        )
 
     def lines(
         self, run: str, after: int = 0, kinds: Sequence[str] = (), until: int | None = None
-    ) -> Iterator[Line]:
+    ) -> Iterator[JournalLine]:
         """The lines of a run behind a number, up to another one if it is given, in order; only of some kinds, if they are named."""
         while True:
             asked = select(lines.c.number, lines.c.at_ms, lines.c.kind, lines.c.content)
             asked = asked.where((lines.c.run == run) & (lines.c.number > after))
             asked = asked.where(lines.c.kind.in_(kinds)) if kinds else asked
             asked = asked.where(lines.c.number <= until) if until is not None else asked
-            with transaction(self._engine, self.target) as connection:
-                page = connection.execute(asked.order_by(lines.c.number).limit(PAGE)).all()
+            with open_transaction(self._engine, self.target) as connection:
+                page = connection.execute(asked.order_by(lines.c.number).limit(JOURNAL_PAGE_LINES)).all()
             for number, at_ms, kind, text in page:
-                yield Line(number, at_ms, kind, _content(self.target, text))
+                yield JournalLine(number, at_ms, kind, _line_content(self.target, text))
                 after = number
-            if len(page) < PAGE:
+            if len(page) < JOURNAL_PAGE_LINES:
                 return
 
 
-def _row(line: Line) -> tuple[int, int, str, str]:
+def _line_row(line: JournalLine) -> tuple[int, int, str, str]:
     return line.number, line.at_ms, line.kind, _encoded(line.content)
 
 
-def _content(target: str, text: str) -> dict[str, Any]:
+def _line_content(target: str, text: str) -> dict[str, Any]:
     try:
-        found = parsed(text)
+        line_content = parse_json(text)
     except ValueError as error:
-        raise refusal(
+        raise store_refusal(
             target, f"a line of the journal cannot be read: {error}", "give another file"
         ) from error
-    return found if isinstance(found, dict) else {}
+    return line_content if isinstance(line_content, dict) else {}

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import cellwright
-from cellwright.engine.faces.cli.verbs import VERBS
+from cellwright.engine.faces.cli.verb_table import VERBS
 from tests.places import TOP
 
 PAGE = (TOP / "docs" / "api.md").read_text("utf-8")

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from cellwright.engine import plugins
-from cellwright.engine.model.geometry import Floats, Scene
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.geometry import CollisionScene
 from cellwright.engine.ports import GeometryBackend
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.collision.reference import signed_distance
+from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
 from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
-from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import free_scene_of, scene_of
+from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of, free_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader.arm import bundled_arms, load_arm
-from cellwright.kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
-from cellwright.kb.model.shapes import (
+from cellwright.kb.loader.arm_file import bundled_arms, load_arm
+from cellwright.kb.model.body_shapes import (
     Box,
     Cylinder,
     HeightField,
@@ -30,10 +30,11 @@ from cellwright.kb.model.shapes import (
     Sphere,
     Tube,
 )
+from cellwright.kb.model.cell_model import Body, BodyKind, Cell, MountedArm, Placement
 
 NAMES = [
     pytest.param(name, marks=[] if name == "builtin" or importlib.util.find_spec(name) else pytest.mark.skip)
-    for name in plugins.known(plugins.GEOMETRY)
+    for name in plugins.registered_names(plugins.GEOMETRY_GROUP)
 ]
 AGREE_M = 1e-5  # what the least exact backend promises
 
@@ -44,10 +45,10 @@ class RegionTrees:
     name = "region trees"
     exact_depths = True
 
-    def checker(self, scene: Scene) -> RegionChecker:
+    def checker(self, scene: CollisionScene) -> RegionChecker:
         return RegionChecker(scene)
 
-    def checker_of_few(self, scene: Scene) -> RegionChecker:
+    def checker_of_few(self, scene: CollisionScene) -> RegionChecker:
         return self.checker(scene)
 
 
@@ -83,12 +84,12 @@ def cell() -> Cell:
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
-    world = World.of(cell())
-    return scene_of(world.put("tool", "ur5.flange", transforms.translation(0, 0, 0.06)))
+def scene() -> CollisionScene:
+    world = GeometricWorld.of(cell())
+    return collision_scene_of(world.put("tool", "ur5.flange", transforms.translation(0, 0, 0.06)))
 
 
-def plain_distances(scene: Scene, poses: Floats) -> dict[frozenset[str], float]:
+def plain_distances(scene: CollisionScene, poses: Floats) -> dict[frozenset[str], float]:
     """Of every pair of bodies, by the plain reference; poses (k + 1, 4, 4)."""
     found: dict[frozenset[str], float] = {}
     for i, j in scene.pairs:
@@ -110,12 +111,12 @@ def far_apart(first: Floats, second: Floats, by: float = 0.5) -> bool:
     return bool(gap.max() > by)
 
 
-def configurations(scene: Scene, count: int) -> Floats:
+def configurations(scene: CollisionScene, count: int) -> Floats:
     return np.random.default_rng(5).uniform(-3, 3, (count, scene.joints.count))
 
 
 def test_distances_and_depths_are_those_of_the_plain_reference(
-    backend: GeometryBackend, scene: Scene
+    backend: GeometryBackend, scene: CollisionScene
 ) -> None:
     checker = backend.checker(scene)
     for q in configurations(scene, 3):
@@ -129,7 +130,7 @@ def test_distances_and_depths_are_those_of_the_plain_reference(
                 assert plain[pair] < AGREE_M, pair
 
 
-def test_collision_is_a_distance_of_nothing_or_less(backend: GeometryBackend, scene: Scene) -> None:
+def test_collision_is_a_distance_of_nothing_or_less(backend: GeometryBackend, scene: CollisionScene) -> None:
     checker, q = backend.checker(scene), configurations(scene, 200)
     clearance = checker.clearance(q, beyond_m=0.05)
     clear = np.abs(clearance) > AGREE_M
@@ -139,7 +140,7 @@ def test_collision_is_a_distance_of_nothing_or_less(backend: GeometryBackend, sc
 
 
 def test_contacts_come_nearest_first_and_agree_with_the_clearance(
-    backend: GeometryBackend, scene: Scene
+    backend: GeometryBackend, scene: CollisionScene
 ) -> None:
     checker = backend.checker(scene)
     for q in configurations(scene, 10):
@@ -151,7 +152,7 @@ def test_contacts_come_nearest_first_and_agree_with_the_clearance(
 
 
 def test_witness_points_are_apart_by_the_distance_along_the_normal(
-    backend: GeometryBackend, scene: Scene
+    backend: GeometryBackend, scene: CollisionScene
 ) -> None:
     checker = backend.checker(scene)
     for q in configurations(scene, 5):
@@ -165,7 +166,7 @@ def test_witness_points_are_apart_by_the_distance_along_the_normal(
             assert contact.depth_m == max(0.0, -contact.distance_m)
 
 
-def test_a_batch_answers_as_single_configurations_do(backend: GeometryBackend, scene: Scene) -> None:
+def test_a_batch_answers_as_single_configurations_do(backend: GeometryBackend, scene: CollisionScene) -> None:
     checker, q = backend.checker(scene), configurations(scene, 50)
     alone = [checker.collides(each[None])[0] for each in q]
     assert checker.collides(q).tolist() == alone
@@ -174,7 +175,7 @@ def test_a_batch_answers_as_single_configurations_do(backend: GeometryBackend, s
 
 @pytest.mark.parametrize("entry", [np.nan, np.inf, -np.inf])
 def test_what_is_no_number_counts_as_a_collision(
-    backend: GeometryBackend, scene: Scene, entry: float
+    backend: GeometryBackend, scene: CollisionScene, entry: float
 ) -> None:
     checker, q = backend.checker(scene), configurations(scene, 6)
     before = checker.collides(q), checker.clearance(q)
@@ -187,18 +188,18 @@ def test_what_is_no_number_counts_as_a_collision(
     assert np.array_equal(before[1][others], after[1][others])
     with pytest.raises(ValueError, match="not a finite number"):
         checker.contacts(q[2])
-    free = free_scene_of(World.of(cell()), "tool")
+    free = free_scene_of(GeometricWorld.of(cell()), "tool")
     pose = np.eye(4)[None].copy()
     pose[0, 1, 3] = entry
     assert backend.checker(free).collides(pose).tolist() == [True]
 
 
-def test_arrays_of_another_width_are_refused(backend: GeometryBackend, scene: Scene) -> None:
+def test_arrays_of_another_width_are_refused(backend: GeometryBackend, scene: CollisionScene) -> None:
     for checked, shape in (
         (scene, (2, 5)),
         (scene, (2, 7)),
         (scene, (6,)),
-        (free_scene_of(World.of(cell()), "tool"), (2, 3, 4)),
+        (free_scene_of(GeometricWorld.of(cell()), "tool"), (2, 3, 4)),
     ):
         checker = backend.checker(checked)
         for ask in (checker.collides, checker.clearance):
@@ -208,14 +209,14 @@ def test_arrays_of_another_width_are_refused(backend: GeometryBackend, scene: Sc
             checker.contacts(np.zeros(shape[1:]))
 
 
-def test_an_empty_batch_has_an_empty_answer(backend: GeometryBackend, scene: Scene) -> None:
+def test_an_empty_batch_has_an_empty_answer(backend: GeometryBackend, scene: CollisionScene) -> None:
     checker = backend.checker(scene)
     assert checker.collides(np.zeros((0, 6))).shape == (0,)
     assert checker.clearance(np.zeros((0, 6))).shape == (0,)
 
 
 def test_a_body_flies_free(backend: GeometryBackend) -> None:
-    scene = free_scene_of(World.of(cell()), "tool")
+    scene = free_scene_of(GeometricWorld.of(cell()), "tool")
     checker = backend.checker(scene)
     poses = np.stack([transforms.translation(0, 0, z) for z in (2.0, -0.35)])
     assert checker.collides(poses).tolist() == [False, True]
@@ -228,14 +229,17 @@ def test_a_body_flies_free(backend: GeometryBackend) -> None:
 
 
 def test_what_is_affixed_collides_where_it_is_carried(backend: GeometryBackend) -> None:
-    world = World.of(cell())
+    world = GeometricWorld.of(cell())
     q = np.array([0.3, -1.0, 1.2, -0.5, -1.5, 0.0])
     far = world.put("tool", "world", transforms.translation(5, 5, 5))
     flange = far.moved("ur5", q).pose("world", "ur5.flange")
     on_ball = transforms.inverse(flange) @ world.pose("world", "ball")
     carried = far.put("tool", "ur5.flange", on_ball)
     hit = [
-        any({"tool", "ball"} == {c.first, c.second} for c in backend.checker(scene_of(each)).contacts(q))
+        any(
+            {"tool", "ball"} == {c.first, c.second}
+            for c in backend.checker(collision_scene_of(each)).contacts(q)
+        )
         for each in (far, carried)
     ]
     assert hit == [False, True]
@@ -243,7 +247,7 @@ def test_what_is_affixed_collides_where_it_is_carried(backend: GeometryBackend) 
 
 def test_nothing_to_check_is_free(backend: GeometryBackend) -> None:
     lonely = Cell("lonely", bodies={"ball": body("ball", Sphere(0.1), (0, 0, 0), BodyKind.PART)})
-    checker = backend.checker(free_scene_of(World.of(lonely), "ball"))
+    checker = backend.checker(free_scene_of(GeometricWorld.of(lonely), "ball"))
     assert not checker.collides(np.eye(4)[None]).any()
     assert checker.clearance(np.eye(4)[None], 0.5).tolist() == [0.5]
     assert checker.contacts(np.eye(4)) == ()

@@ -9,17 +9,17 @@ pytest.importorskip("mujoco")
 
 import mujoco
 
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.poses import known_poses
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.pipelines.motion.measurement_poses import known_poses
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.mujoco_backend import MujocoChecker
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import scene_of
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
-from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.cell_model import Body, BodyKind, Cell, Placement
 
 PROBLEM = "bulkhead/twelve_points"
 STATIONS = {"left": -1.6, "middle": 0.0, "right": 1.6}
@@ -45,9 +45,9 @@ def with_posts(cell: Cell, rng: np.random.Generator) -> Cell:
     return replace(cell, bodies={**cell.bodies, "posts": posts})
 
 
-def hit(world: World, q: Floats, eyes: Floats, ends: Floats) -> set[str]:
+def hit(world: GeometricWorld, q: Floats, eyes: Floats, ends: Floats) -> set[str]:
     """The bodies, without the arm and its tool, that rays from eyes (e, 3) to ends (n, 3) meet, by MuJoCo."""
-    checker = MujocoChecker(scene_of(world.moved("t3_746", q)))
+    checker = MujocoChecker(collision_scene_of(world.moved("t3_746", q)))
     model, data = checker._model, checker._state
     data.qpos[:] = q
     mujoco.mj_forward(model, data)
@@ -70,7 +70,9 @@ def hit(world: World, q: Floats, eyes: Floats, ends: Floats) -> set[str]:
     return found
 
 
-def looking(world: World, q: Floats, point: tuple[float, float], side: float) -> tuple[Floats, Floats]:
+def looking(
+    world: GeometricWorld, q: Floats, point: tuple[float, float], side: float
+) -> tuple[Floats, Floats]:
     """The eyes (2, 3) at a configuration, and points (25, 3) of the patch, by plain geometry of the file's numbers."""
     T = world.moved("t3_746", q).pose("world", "slra")
     eyes = np.array([(-0.05, 0.06, 0.39), (0.06, -0.06, 0.39)])
@@ -95,7 +97,7 @@ def test_rays_of_mujoco_confirm_what_is_seen_and_what_is_not(seed: int) -> None:
     for (name, tool, station), poses in all_poses.poses.items():
         if tool != "slra":
             continue
-        world = World.of(cell).guided("carriage", STATIONS[station]).held("slra", "t3_746")
+        world = GeometricWorld.of(cell).guided("carriage", STATIONS[station]).held("slra", "t3_746")
         kept = sighted.poses[name, tool, station]
         for way in kept.straight:
             assert kept.patch is not None

@@ -9,18 +9,17 @@ import pytest
 pytest.importorskip("mujoco")
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import objective
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.poses.planning import plan_with_poses
-from cellwright.engine.pipelines.simulator import HiddenCell
-from cellwright.engine.pipelines.witness.body import Body
-from cellwright.engine.pipelines.witness.driver import physical
-from cellwright.engine.pipelines.witness.playing import played
+from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
+from cellwright.engine.pipelines.planning import plan_objective
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.pipelines.simulators import HiddenCell
+from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_driver import PhysicalCell, mujoco_simulator
+from cellwright.engine.pipelines.simulators.mujoco_replay.program_replay import replay_program
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.ports import DriverSetup
-from cellwright.engine.stages.diagnosis.knowledge import CURED
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.diagnosis.fault_problems import CURED
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
 from cellwright.kb.loader.cell import cell_of
@@ -32,10 +31,13 @@ PICK = ("open_drawer", "press_switch(closed, open)", "pick(probe_1, slot(drawer,
 def test_physics_confirms_a_plan_with_one_probe() -> None:
     cell = cell_of("themse/one")
     made = plan_with_poses(
-        load_problem("themse/one"), cell, geometry_backend(), lambda each: objective.plan(each, Limits())
+        load_problem("themse/one"),
+        cell,
+        geometry_backend(),
+        lambda each: plan_objective.plan_for_objective(each, SearchLimits()),
     ).moving
     assert isinstance(made.run.outcome, Found)
-    seen = played(PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps)
+    seen = replay_program(PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps)
     assert seen.touched == ()
     assert max(seen.off_m.values()) < 0.005
     assert seen.off_place < 0.005
@@ -48,10 +50,10 @@ def test_physics_confirms_an_inspection_with_both_tools_from_three_stations() ->
         problem_of("bulkhead/three_stations"),
         cell,
         geometry_backend(),
-        lambda each: objective.plan(each, Limits()),
+        lambda each: plan_objective.plan_for_objective(each, SearchLimits()),
     ).moving
     assert isinstance(made.run.outcome, Found)
-    seen = played(PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps)
+    seen = replay_program(PlanGate().semantics(made.problem), cell, made.run.outcome.plan, made.steps)
     assert seen.touched == ()
     assert seen.off_tip_m < 0.002
     assert seen.off_place < 0.002
@@ -59,7 +61,7 @@ def test_physics_confirms_an_inspection_with_both_tools_from_three_stations() ->
 
 
 def cell_with(problem: str = "themse/one", **options: str) -> HiddenCell:
-    return physical(DriverSetup(load_problem(problem), options=options)).cell
+    return mujoco_simulator(DriverSetup(load_problem(problem), options=options)).cell
 
 
 def test_a_tool_that_sticks_in_the_hand_is_not_put_down_until_that_is_mended() -> None:
@@ -125,7 +127,7 @@ def test_an_arm_that_touches_what_nobody_knows_of_goes_back_and_then_around(tmp_
         "cell: surprise\nfixtures:\n  crate: {at: [0.62, -0.1, 1.0], shapes: [{box: [0.08, 0.08, 0.5]}]}\n"
     )
     cell = cell_with(obstacles=str(file))
-    assert isinstance(cell.body, Body)
+    assert isinstance(cell.body, PhysicalCell)
     stage, world = cell.body.stage, cell.body.stage.world
     assert cell.take("press_switch(closed, open)", "done") == "done"
     before = stage.actual(world).configuration
@@ -166,7 +168,7 @@ def test_a_hand_still_holds_the_lid_that_does_not_turn_while_its_sensors_are_rea
 def test_a_joint_that_stopped_halfway_is_where_the_facts_have_it_after_a_repair() -> None:
     cell = cell_with(block="bayonet")
     body = cell.body
-    assert isinstance(body, Body)
+    assert isinstance(body, PhysicalCell)
     assert cell.take("turn_bayonet(locked, unlocked)", "done") == "torque"
     body.stage.put("bayonet", body.stage.world.guided("bayonet", 0.3))
     assert cell.answer("clear_rack") == CURED
@@ -190,5 +192,5 @@ def test_an_arm_that_rests_in_the_way_of_another_goes_home_first() -> None:
     steps = ("pick(left, rod_2, middle_2)", "pick(right, rod_1, middle_1)", "put(left, rod_2, tray_1)")
     assert [cell.take(step, "done") for step in steps] == ["done"] * 3
     body = cell.body
-    assert isinstance(body, Body)
+    assert isinstance(body, PhysicalCell)
     assert body.stage.touches.found == ()

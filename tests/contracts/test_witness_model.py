@@ -5,20 +5,20 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from cellwright.engine.pipelines.witness.model import written
-from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.pipelines.simulators.mujoco_replay.mujoco_model import mujoco_xml
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.loader.cell import cell_of
 
 SETTLING = 150  # steps of the engine
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
-    return World.of(cell_of("themse/one"))
+def world() -> GeometricWorld:
+    return GeometricWorld.of(cell_of("themse/one"))
 
 
-def test_every_body_is_in_the_model_and_both_fingers_are_driven(world: World) -> None:
-    model = ET.fromstring(written(world))
+def test_every_body_is_in_the_model_and_both_fingers_are_driven(world: GeometricWorld) -> None:
+    model = ET.fromstring(mujoco_xml(world))
     names = {each.get("name") for each in model.iter("body")}
     assert set(world.cell.bodies) <= names
     driven = {each.get("joint") for each in model.iter("position")}
@@ -27,8 +27,8 @@ def test_every_body_is_in_the_model_and_both_fingers_are_driven(world: World) ->
 
 
 def test_an_arm_rides_on_its_carriage_and_its_tools_hang_free_in_their_rack() -> None:
-    world = World.of(cell_of("bulkhead/one_point"))
-    model = ET.fromstring(written(world))
+    world = GeometricWorld.of(cell_of("bulkhead/one_point"))
+    model = ET.fromstring(mujoco_xml(world))
     carriage = next(each for each in model.iter("body") if each.get("name") == "carriage")
     inside = {each.get("name") for each in carriage.iter("body")}
     assert {"t3_746.flange", "tool_rack"} <= inside
@@ -37,9 +37,9 @@ def test_an_arm_rides_on_its_carriage_and_its_tools_hang_free_in_their_rack() ->
     assert "carriage" in {each.get("joint") for each in model.iter("position")}
 
 
-def test_parts_stay_where_they_stand(world: World) -> None:
+def test_parts_stay_where_they_stand(world: GeometricWorld) -> None:
     mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(written(world))
+    model = mujoco.MjModel.from_xml_string(mujoco_xml(world))
     data = mujoco.MjData(model)
     for name, body in world.cell.bodies.items():
         if body.kind.value == "part":

@@ -5,22 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cellwright.engine.pipelines.placing.answers import Carry, Placed
-from cellwright.engine.pipelines.placing.assembling import Built, assemble
-from cellwright.engine.pipelines.placing.placing import place
-from cellwright.engine.stages.geometry.shapes.solids import solid_of
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.grasping.insertion import Search
-from cellwright.engine.stages.grasping.placements import volume_and_centre
+from cellwright.engine.pipelines.manipulation.assembly_order import Built, assemble_scene
+from cellwright.engine.pipelines.manipulation.place_answers import Carry, Placed
+from cellwright.engine.pipelines.manipulation.place_operation import place_part
+from cellwright.engine.stages.geometry.shapes.facet_solids import solid_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.engine.stages.grasping.hole_insertion import HoleSearch
+from cellwright.engine.stages.grasping.stable_placements import volume_and_centre
 from cellwright.kb.loader import load_domain
-from cellwright.kb.loader.scene import load_scene
-from cellwright.kb.model.scene import Scene
-from cellwright.kb.targets import BUNDLED
+from cellwright.kb.loader.scene_file import load_scene
+from cellwright.kb.model.part_scene import Scene
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
-running = pytest.importorskip("cellwright.engine.pipelines.workshop.running", exc_type=ImportError)
+running = pytest.importorskip(
+    "cellwright.engine.pipelines.manipulation.assembly_execution", exc_type=ImportError
+)
 DOMAIN = load_domain("handey")
-FIVE = load_scene(BUNDLED / "handey" / "scenes" / "five.yaml")
-SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
+FIVE = load_scene(BUNDLED_DOMAINS / "handey" / "scenes" / "five.yaml")
+SCENE = load_scene(BUNDLED_DOMAINS / "handey" / "scene.yaml")
 NEAR_M = 0.003
 
 
@@ -33,13 +35,13 @@ def related(scene: Scene, *parts: str) -> Scene:
 @pytest.fixture(scope="module")
 def two() -> Built:
     """Two walls of the bundled assembly."""
-    made, _ = assemble(related(FIVE, "wall_1", "wall_2"), DOMAIN, "base")
+    made, _ = assemble_scene(related(FIVE, "wall_1", "wall_2"), DOMAIN, "base")
     assert isinstance(made, Built)
     return made
 
 
 def test_a_part_is_placed_by_friction_alone_within_three_millimetres() -> None:
-    found, _ = place(SCENE, "angle", "base")
+    found, _ = place_part(SCENE, "angle", "base")
     assert isinstance(found, Placed)
     done = running.carried(SCENE, "angle", found)
     assert done.went is running.Went.DONE
@@ -52,7 +54,7 @@ def test_a_part_is_placed_by_friction_alone_within_three_millimetres() -> None:
 def test_an_arm_that_moves_is_where_it_is_told_to_be(carries: bool) -> None:
     """Servos that were aimed at where the arm is to be would lag by some 70 mm at this speed."""
     shop = running.Workshop(SCENE)
-    world, tool, off = World.of(SCENE.cell), f"{shop.arm}.tool", []
+    world, tool, off = GeometricWorld.of(SCENE.cell), f"{shop.arm}.tool", []
 
     def seen() -> bool:
         told = world.moved(shop.arm, shop.q).pose("world", tool)
@@ -68,7 +70,7 @@ def test_an_arm_that_moves_is_where_it_is_told_to_be(carries: bool) -> None:
 
 @pytest.mark.slow
 def test_five_parts_are_assembled_and_nothing_touches_unplanned() -> None:
-    made, _ = assemble(FIVE, DOMAIN, "base")
+    made, _ = assemble_scene(FIVE, DOMAIN, "base")
     assert isinstance(made, Built)
     done = running.executed(made, DOMAIN)
     assert [run.outcome for run in done.runs] == ["reached"]
@@ -101,13 +103,15 @@ def test_a_part_that_was_taken_away_is_told_missing_and_the_rest_is_built(two: B
 @pytest.mark.slow
 def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two: Built) -> None:
     """The tolerance lies between what the first look and a nearer one allow."""
-    from cellwright.engine.pipelines.placing.doubt import brought, within_m
-    from cellwright.engine.pipelines.workshop.cell import PlacingCell
+    from cellwright.engine.pipelines.manipulation.assembly_execution import PlacingCell
+    from cellwright.engine.pipelines.manipulation.pose_uncertainty import brought_covariance, within_m
 
     assert PlacingCell
     yard = two.yard
     doubts = {
-        move.part: within_m(brought(two.looked.sightings[move.part], carries, yard.goals[move.part]))
+        move.part: within_m(
+            brought_covariance(two.looked.sightings[move.part], carries, yard.goals[move.part])
+        )
         for move, carries in two.moves
     }
     part, most = max(doubts.items(), key=lambda each: each[1])
@@ -120,12 +124,12 @@ def test_a_second_look_from_near_by_is_taken_where_the_tolerance_asks_for_it(two
 
 @pytest.mark.slow
 def test_a_camera_that_was_knocked_is_found_out_and_calibrated_by_the_arm_itself() -> None:
-    from cellwright.engine.pipelines.placing.optics import Errors, Optics
-    from cellwright.engine.stages.geometry.world.model import World
+    from cellwright.engine.pipelines.manipulation.camera_optics import CameraErrors, CameraOptics
+    from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 
-    knock, scene = Errors((0.025, 0.01, 0.0)), related(FIVE, "wall_1", "wall_2")
-    image = Optics.of(scene, knock).image(World.of(scene.cell), 0)
-    made, _ = assemble(scene, DOMAIN, "base", image=image)
+    knock, scene = CameraErrors((0.025, 0.01, 0.0)), related(FIVE, "wall_1", "wall_2")
+    image = CameraOptics.of(scene, knock).image(GeometricWorld.of(scene.cell), 0)
+    made, _ = assemble_scene(scene, DOMAIN, "base", image=image)
     assert isinstance(made, Built)
     done = running.executed(made, DOMAIN, knock=knock)
     assert done.runs[-1].outcome == "reached"
@@ -135,8 +139,8 @@ def test_a_camera_that_was_knocked_is_found_out_and_calibrated_by_the_arm_itself
 
 @pytest.mark.slow
 def test_three_fingers_hold_a_part_still_and_place_it() -> None:
-    scene = load_scene(BUNDLED / "handey" / "scenes" / "fingers.yaml")
-    found, _ = place(scene, "angle", "base")
+    scene = load_scene(BUNDLED_DOMAINS / "handey" / "scenes" / "fingers.yaml")
+    found, _ = place_part(scene, "angle", "base")
     assert isinstance(found, Placed)
     done = running.carried(scene, "angle", found)
     assert done.went is running.Went.DONE
@@ -148,16 +152,16 @@ def test_three_fingers_hold_a_part_still_and_place_it() -> None:
 @pytest.mark.slow
 def test_a_round_peg_whose_hole_is_a_millimetre_beside_goes_in_when_it_is_tilted() -> None:
     """On whatever side the hole is; and on none when it goes straight down."""
-    scene = load_scene(BUNDLED / "handey" / "scenes" / "round_peg.yaml")
-    found, _ = place(scene, "peg", "block")
+    scene = load_scene(BUNDLED_DOMAINS / "handey" / "scenes" / "round_peg.yaml")
+    found, _ = place_part(scene, "peg", "block")
     assert isinstance(found, Placed)
     (carry,) = found.carries
     assert carry.insertion is not None
-    assert carry.insertion.search is Search.TILT
-    straight = replace(carry, insertion=replace(carry.insertion, search=Search.NONE))
+    assert carry.insertion.search is HoleSearch.TILT
+    straight = replace(carry, insertion=replace(carry.insertion, search=HoleSearch.NONE))
 
     def goes_in(tried: Carry, direction: int) -> bool:
-        angle, block = np.pi * direction / 4, World.of(scene.cell).pose("world", "block").copy()
+        angle, block = np.pi * direction / 4, GeometricWorld.of(scene.cell).pose("world", "block").copy()
         block[:2, 3] += 0.00114 * np.cos(angle), 0.00114 * np.sin(angle)
         moved = running.Workshop(scene, {"block": block})
         return (

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.diagnostics import CODES
+from cellwright.kb.diagnostics import DIAGNOSTIC_CODES
 
 TOP = Path(__file__).parents[2]
 PAGE = (TOP / "docs" / "diagnostics.md").read_text("utf-8")
@@ -15,14 +15,16 @@ SHOWN = sorted({file.name[:4] for file in PRINTED.glob("K*.txt")})
 
 
 def section(code: str) -> str:
-    return SECTIONS[f"{code}: {CODES[code]}"]
+    return SECTIONS[f"{code}: {DIAGNOSTIC_CODES[code]}"]
 
 
 def test_every_code_stands_there_once_in_order() -> None:
-    assert re.findall(r"^### (.*)", PAGE, re.MULTILINE) == [f"{code}: {said}" for code, said in CODES.items()]
+    assert re.findall(r"^### (.*)", PAGE, re.MULTILINE) == [
+        f"{code}: {said}" for code, said in DIAGNOSTIC_CODES.items()
+    ]
 
 
-@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize("code", DIAGNOSTIC_CODES)
 def test_a_code_is_explained(code: str) -> None:
     explained = re.sub(r"```text\n.*?```", "", section(code), flags=re.DOTALL)
     assert len(explained.split()) >= 8

@@ -13,14 +13,15 @@ import pytest
 import typer
 from golden_texts import compare_with_golden
 
-from cellwright.engine.authoring.starter import create
-from cellwright.engine.faces.cli import app, exits
+from cellwright.engine.authoring.starter import create_domain
+from cellwright.engine.faces.cli import app
+from cellwright.engine.faces.cli.process import exit_codes
 from cellwright.engine.formats.interop.range_files import write_ranges
 from cellwright.engine.formats.interop.results import ResultForm
-from cellwright.engine.formats.interop.results import written as written_results
-from cellwright.engine.stages.vision.ranging import of_depths
-from cellwright.kb.model.ranging import Ranging
-from cellwright.kb.model.results import Measured, Results
+from cellwright.engine.formats.interop.results import write_results as written_results
+from cellwright.engine.stages.vision.sensor_images import of_depths
+from cellwright.kb.model.cell_model import Ranging
+from cellwright.kb.model.measured_results import Measured, Results
 from tests.docs.pages import PATHS, Run, assert_shown, parts, run
 
 TOP = Path(__file__).parents[2]
@@ -74,7 +75,7 @@ PLACEHOLDERS = {
     "SOURCE": "STORE",
     "URL": "copy.db",
 }
-ANSWERS = {0, exits.INFEASIBLE}
+ANSWERS = {0, exit_codes.INFEASIBLE}
 # Others of the same verbs run quickly.
 LONG = (
     " prepare ",
@@ -110,7 +111,7 @@ PICTURES = [line for line in written(OWN.values()) if " > pictures/" in line]
 def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one of each kind of file that a placeholder stands for."""
     folder = tmp_path_factory.mktemp("desks") / "desk"
-    create(folder / "mine")
+    create_domain(folder / "mine")
     (folder / "shelf.pddl").write_text(DOMAIN)
     (folder / "box.pddl").write_text(PROBLEM)
     (folder / "plan.ipc").write_text("(lift box)\n")
@@ -196,7 +197,7 @@ SHOWN = {part.line for _, part in EXAMPLES}  # these are run where what they pri
 def test_a_command_line_runs(line: str) -> None:
     result = run(filled(line))
     if " RUN" in line or " resume " in line:  # about a run that goes on, or has gone on, somewhere else
-        assert (result.exit_code, "K421" in result.output) == (exits.BAD_INPUT, True), result.output
+        assert (result.exit_code, "K421" in result.output) == (exit_codes.BAD_INPUT, True), result.output
     else:
         assert result.exit_code in ANSWERS, result.output
 
@@ -227,7 +228,7 @@ def test_every_option_that_is_named_exists() -> None:
 
 
 def test_every_exit_code_is_in_the_table_and_no_other() -> None:
-    known = {0} | {value for value in vars(exits).values() if isinstance(value, int)}
+    known = {0} | {value for value in vars(exit_codes).values() if isinstance(value, int)}
     table = {int(code) for code in re.findall(r"^\| (\d+) \|", COMMANDS, re.MULTILINE)}
     assert table == known
 

@@ -8,9 +8,9 @@ import pytest
 
 from cellwright.engine import plugins
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.ports import ContactFilter, DriverSetup
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.planning.portfolio import STRATEGIES
 from tests.docs.pages import TOP, run
 
@@ -29,7 +29,7 @@ def test_a_run_goes_through_the_driver(tmp_path: Path, monkeypatch: pytest.Monke
     made: list[Any] = []
 
     def load(group: str, name: str) -> Any:
-        assert (group, name) == (plugins.DRIVERS, "bench")
+        assert (group, name) == (plugins.DRIVER_GROUP, "bench")
 
         def driver(setup: DriverSetup) -> Any:
             made.append(names_of("driver")["driver"](setup))
@@ -37,8 +37,8 @@ def test_a_run_goes_through_the_driver(tmp_path: Path, monkeypatch: pytest.Monke
 
         return driver
 
-    monkeypatch.setattr(plugins, "_load", load)
-    monkeypatch.setattr(plugins, "known", lambda _: ["bench"])
+    monkeypatch.setattr(plugins, "_load_plugin", load)
+    monkeypatch.setattr(plugins, "registered_names", lambda _: ["bench"])
     ran = run("cellwright run themse/one --driver bench --store runs.db")
     assert ran.exit_code == 0, ran.output
     assert "all goals are reached" in ran.output
@@ -46,8 +46,8 @@ def test_a_run_goes_through_the_driver(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_the_filter_takes_states_away(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from cellwright.engine.pipelines import task_space
-    from cellwright.kb.model.contacts import ContactModel
+    from cellwright.engine.pipelines import contact_states
+    from cellwright.kb.model.contact_model import ContactModel
 
     few = names_of("filter")["AtMostTwo"]
 
@@ -58,7 +58,7 @@ def test_the_filter_takes_states_away(monkeypatch: pytest.MonkeyPatch, tmp_path:
     original = plugins.contact_filter
     monkeypatch.chdir(tmp_path)
     before = run("cellwright states themse --format json").stdout
-    monkeypatch.setattr(task_space, "contact_filter", both)
+    monkeypatch.setattr(contact_states, "contact_filter", both)
     after = run("cellwright states themse --format json").stdout
     assert "more than two contacts" in after
     assert "more than two contacts" not in before
@@ -67,7 +67,9 @@ def test_the_filter_takes_states_away(monkeypatch: pytest.MonkeyPatch, tmp_path:
 def test_the_strategy_plans() -> None:
     names_of("strategy")
     try:
-        found = planning.plan(planning.problem_of("bulkhead/one_point"), Limits(strategy="patient"))
+        found = checked_plan.plan_problem(
+            checked_plan.problem_of("bulkhead/one_point"), SearchLimits(strategy="patient")
+        )
     finally:
         del STRATEGIES["patient"]
     assert isinstance(found, Found)
@@ -75,4 +77,4 @@ def test_the_strategy_plans() -> None:
 
 def test_each_port_of_the_page_is_found_by_an_entry_point() -> None:
     groups = set(re.findall(r"`(cellwright\.\w+)`", PAGE))
-    assert groups == {plugins.GEOMETRY, plugins.CONTACT_FILTERS, plugins.DRIVERS}
+    assert groups == {plugins.GEOMETRY_GROUP, plugins.CONTACT_FILTERS, plugins.DRIVER_GROUP}

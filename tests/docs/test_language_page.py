@@ -6,11 +6,12 @@ from typing import Any
 
 import pytest
 
-from cellwright.engine.faces.cli.verbs import VERBS
+from cellwright.engine.authoring import domain_check
+from cellwright.engine.faces.cli.verb_table import VERBS
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import checking, planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.loader import load
-from cellwright.kb.model.conventions import CONVENTIONS
+from cellwright.kb.model.name_conventions import CONVENTION_BY_NAME
 from cellwright.kb.schema import json_schema
 
 PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text("utf-8")
@@ -50,7 +51,7 @@ def cell(folder: Path, domain: str = "", rules: str = "", problem: str | None = 
 
 
 def test_the_cell_of_the_page_has_a_plan(tmp_path: Path) -> None:
-    outcome = planning.plan(planning.problem_of(str(cell(tmp_path))))
+    outcome = checked_plan.plan_problem(checked_plan.problem_of(str(cell(tmp_path))))
     assert isinstance(outcome, Found)
     assert len(outcome.plan.steps) >= 4
 
@@ -65,7 +66,7 @@ def test_an_example_of_a_domain_is_sound_and_grounds(fragment: str, rules: str, 
     target = cell(tmp_path, fragment, rules)
     loaded = load(target)
     assert loaded.warnings == ()
-    assert not [each for each in checking.check(str(target)).diagnostics if not each.warning]
+    assert not [each for each in domain_check.check_domain_files(str(target)).diagnostics if not each.warning]
 
 
 @pytest.mark.parametrize("fragment", PROBLEM_FRAGMENTS)
@@ -75,20 +76,20 @@ def test_an_example_of_a_problem_is_sound_and_grounds(fragment: str, tmp_path: P
         base = re.sub(r"^initial:\n(?: .*\n)*", "", base, flags=re.M)
     target = cell(tmp_path, problem=merged(base, fragment))
     assert load(target).warnings == ()
-    assert not [each for each in checking.check(str(target)).diagnostics if not each.warning]
+    assert not [each for each in domain_check.check_domain_files(str(target)).diagnostics if not each.warning]
 
 
 def test_the_page_lists_the_conventions_as_the_engine_has_them() -> None:
     section = PAGE.partition("\n## Conventions\n")[2].partition("\n## ")[0]
     told = [
         f"| `{each.written()}` | {each.sort.value} | {each.meaning} | {', '.join(f'`{verb}`' for verb in each.used_by)} |"
-        for each in CONVENTIONS.values()
+        for each in CONVENTION_BY_NAME.values()
     ]
     assert re.findall(r"^\| `.*", section, re.MULTILINE) == told
 
 
 def test_conventions_are_used_by_verbs_that_there_are() -> None:
-    assert {verb for each in CONVENTIONS.values() for verb in each.used_by} <= set(VERBS)
+    assert {verb for each in CONVENTION_BY_NAME.values() for verb in each.used_by} <= set(VERBS)
 
 
 def keys(schema: Any) -> set[str]:

@@ -5,7 +5,7 @@ import re
 import pytest
 from golden_texts import compare_with_golden
 
-from cellwright.kb.schema import KINDS, json_schema
+from cellwright.kb.schema import FORM_KINDS, json_schema
 from tests.docs.pages import TOP
 from tests.docs.reference import FILES, page
 
@@ -17,10 +17,10 @@ def test_the_reference_is_current(request: pytest.FixtureRequest) -> None:
 
 
 def test_every_kind_of_file_is_in_it() -> None:
-    assert set(FILES) == set(KINDS)
+    assert set(FILES) == set(FORM_KINDS)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", FORM_KINDS)
 def test_every_key_is_in_it(kind: str) -> None:
     text = PAGE.read_text("utf-8")
     schema = json_schema(kind)

@@ -11,9 +11,9 @@ from golden_texts import compare_with_golden
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.model.execution import RecordKind
+from cellwright.engine.model.run_protocol import RecordKind
 from cellwright.kb.schema import json_schema
-from cellwright.kb.schema.validation import deviations
+from cellwright.kb.schema.form_validation import find_deviations
 
 TOP = Path(__file__).parents[2]
 DOCS = TOP / "docs"
@@ -68,7 +68,7 @@ def test_every_event_of_a_run_fits_the_schema_of_events(tmp_path: Path) -> None:
     assert {"run", "plan", "command", "reply", "done", "exception", "diagnosis", "end"} <= {
         each["kind"] for each in lines
     }
-    assert [each for one in lines for each in deviations("events", one)] == []
+    assert [each for one in lines for each in find_deviations("events", one)] == []
 
 
 def test_every_kind_of_record_has_a_form() -> None:

@@ -18,7 +18,9 @@ def test_every_row_has_section_idea_and_place() -> None:
 
 
 def test_the_modules_that_realise_ideas_are_there() -> None:
-    names = [name for row in ROWS for name in re.findall(r"`cellwright\.((?:kb|engine)[\w.]*)`", " ".join(row[2:]))]
+    names = [
+        name for row in ROWS for name in re.findall(r"`cellwright\.((?:kb|engine)[\w.]*)`", " ".join(row[2:]))
+    ]
     assert len(names) >= 70
     missing = {
         name

@@ -6,13 +6,14 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from cellwright.engine.authoring import domain_check
 from cellwright.engine.faces.cli import app
-from cellwright.engine.model.execution import RecordKind
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import checking, planning
-from cellwright.engine.pipelines.simulator import Injection
+from cellwright.engine.model.run_protocol import RecordKind
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.simulators import Injection
 from cellwright.kb.loader import load
-from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.loader.fault_base import load_faults
 from tests.engine.pipelines.execution.cells import executed
 
 CELL = Path(__file__).parents[1] / "domains" / "capping"
@@ -41,16 +42,16 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_it_has_no_findings() -> None:
-    assert checking.check(str(CELL)).diagnostics == ()
+    assert domain_check.check_domain_files(str(CELL)).diagnostics == ()
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_its_problems_have_plans(name: str) -> None:
     problem = load(CELL / "problems" / f"{name}.yaml").problem
     assert problem is not None
-    found = planning.plan(problem)
+    found = checked_plan.plan_problem(problem)
     assert isinstance(found, Found)
-    assert planning.check_plan(problem, found.plan) == []
+    assert checked_plan.check_plan(problem, found.plan) == []
 
 
 def test_it_understands_commands() -> None:

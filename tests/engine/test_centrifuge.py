@@ -8,20 +8,19 @@ from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import objective, planning
-from cellwright.engine.stages.macros.lifted.execution import changes_of
-from cellwright.engine.stages.macros.lifted.situation import Situation
-from cellwright.engine.stages.macros.lifted.world import CellDomain
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.pipelines.planning import checked_plan, plan_objective
+from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
+from cellwright.engine.stages.lifted.lifted_execution import changes_of
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.loader import load
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.plan import Claims
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.targets import bundled
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.plan_model import Claims
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.targets import bundled_domains
 from cellwright.kb.terms import Number
 
-CELL = bundled()["centrifuge"] / "problems"
+CELL = bundled_domains()["centrifuge"] / "problems"
 
 
 def problem(name: str) -> Problem:
@@ -32,7 +31,7 @@ def problem(name: str) -> Problem:
 
 @pytest.mark.parametrize(("name", "tubes", "spins"), [("four", 4, 1), ("eight", 8, 2)])
 def test_tubes_are_spun_in_as_few_batches_as_the_rotor_allows(name: str, tubes: int, spins: int) -> None:
-    outcome = planning.plan(problem(name))
+    outcome = checked_plan.plan_problem(problem(name))
     assert isinstance(outcome, Found)
     names = [step.operator.name for step in outcome.plan.steps]
     assert names.count("dispense") == names.count("load") == names.count("unload") == tubes
@@ -41,20 +40,20 @@ def test_tubes_are_spun_in_as_few_batches_as_the_rotor_allows(name: str, tubes: 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_few_batches_are_no_luck(seed: int) -> None:
-    outcome = planning.plan(problem("four"), Limits(seed=seed))
+    outcome = checked_plan.plan_problem(problem("four"), SearchLimits(seed=seed))
     assert isinstance(outcome, Found)
     assert sum(step.operator.name == "spin" for step in outcome.plan.steps) == 1
 
 
 def test_the_plan_that_is_scheduled_has_few_batches() -> None:
-    found = objective.plan(problem("four"))
+    found = plan_objective.plan_for_objective(problem("four"))
     assert found.timetable is not None
     assert 600 < found.timetable.schedule.makespan < 800
 
 
 def test_every_spin_is_balanced() -> None:
     given = problem("four")
-    outcome = planning.plan(given)
+    outcome = checked_plan.plan_problem(given)
     assert isinstance(outcome, Found)
     semantics = Semantics(given)
     weight = {atom.arguments[0]: atom.arguments[1] for atom in given.statics if atom.name == "weight"}
@@ -81,7 +80,7 @@ def test_every_spin_is_balanced() -> None:
 
 def test_a_run_sees_what_a_batch_did() -> None:
     given = problem("four")
-    outcome = planning.plan(given)
+    outcome = checked_plan.plan_problem(given)
     assert isinstance(outcome, Found)
     start = Situation.of(CellDomain(given), Semantics(given).initial())
     events = [event for change in changes_of(start, outcome.plan.steps) for event in change.events]
@@ -94,15 +93,15 @@ def test_a_tube_that_nobody_wants_spun_is_not_spun() -> None:
     """An event that no stage names cannot occur, so one tube of four alone cannot be balanced."""
     given = problem("four")
     alone = replace(given, chains=given.chains[:1])
-    assert isinstance(planning.plan(alone), Infeasible)
+    assert isinstance(checked_plan.plan_problem(alone), Infeasible)
 
 
 def test_a_sentence_fills_spins_and_puts_back() -> None:
     said = "spin tubes 1 to 4 for 10 minutes after adding 5 ml buffer, then put them back capped"
-    posed = planning.problem_of("centrifuge/four", command=said)
-    outcome = planning.plan(posed)
+    posed = checked_plan.problem_of("centrifuge/four", command=said)
+    outcome = checked_plan.plan_problem(posed)
     assert isinstance(outcome, Found)
-    assert planning.check_plan(posed, outcome.plan, "plan", Claims(cost=outcome.plan.cost)) == []
+    assert checked_plan.check_plan(posed, outcome.plan, "plan", Claims(cost=outcome.plan.cost)) == []
     names = [step.operator.name for step in outcome.plan.steps]
     assert names.count("dispense") == names.count("unload") == 4
     assert names.count("spin") == 1
@@ -112,7 +111,7 @@ def test_a_sentence_fills_spins_and_puts_back() -> None:
 
 
 def test_every_step_of_the_cell_can_fail_in_a_way_that_is_known() -> None:
-    model, warnings = load_faults(bundled()["centrifuge"] / "domain.yaml")
+    model, warnings = load_faults(bundled_domains()["centrifuge"] / "domain.yaml")
     assert not warnings
     operators = {each.name for each in problem("four").domain.operators}
     assert {each.operator.name for each in model.exceptions.values() if each.operator} == operators

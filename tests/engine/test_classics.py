@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from cellwright.engine.model.histories import histories
 from cellwright.engine.model.outcome import Found, Infeasible, Outcome
-from cellwright.engine.pipelines import planning
-from cellwright.engine.stages.grounding import goals as goal_compilation
+from cellwright.engine.model.plan_times import object_histories
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.grounding import ground_goals as goal_compilation
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem, with_goals
-from cellwright.kb.model.plan import Plan
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function
 from tests.places import DOMAINS
 
@@ -26,7 +26,7 @@ def problem(name: str, goals: str = "") -> Problem:
 
 
 def solve(name: str, goals: str = "") -> Outcome:
-    return planning.plan(problem(name, goals))
+    return checked_plan.plan_problem(problem(name, goals))
 
 
 def solved(name: str, goals: str = "") -> Plan:
@@ -91,7 +91,7 @@ def test_working_on_the_heaviest_goals_first_saves_search_and_the_reverse_costs_
             name: replace(each, weight=None if each.weight is None else 5 + sign * each.weight)
             for name, each in base.domain.predicates.items()
         }
-        outcome = planning.plan(replace(base, domain=replace(base.domain, predicates=predicates)))
+        outcome = checked_plan.plan_problem(replace(base, domain=replace(base.domain, predicates=predicates)))
         assert isinstance(outcome, Found)
         return outcome.statistics.counts["expanded"]
 
@@ -148,7 +148,7 @@ def test_a_conditional_effect_happens_only_under_its_condition() -> None:
 def test_a_quantified_conditional_effect_cleans_everything_at_once() -> None:
     base = problem("workshop/dirty", "not dirty(bolt), not dirty(plate)")
     cheap = tuple(replace(o, cost=None) if o.name == "sweep" else o for o in base.domain.operators)
-    outcome = planning.plan(replace(base, domain=replace(base.domain, operators=cheap)))
+    outcome = checked_plan.plan_problem(replace(base, domain=replace(base.domain, operators=cheap)))
     assert isinstance(outcome, Found)
     assert names(outcome.plan) == ["sweep"]
 
@@ -157,7 +157,7 @@ def test_an_event_happens_as_often_and_as_long_as_the_workflow_says() -> None:
     plan = solved("oven/twice")
     baked = [str(step.operator) for step in plan.steps if step.operator.name == "bake"]
     assert baked == ["bake(c1, 600)", "bake(c1, 300)"]
-    (history,) = histories(problem("oven/twice"), plan)
+    (history,) = object_histories(problem("oven/twice"), plan)
     assert [str(each.stage) for each in history.happenings] == [
         "baked(c1, 600)", "iced(c1)", "baked(c1, 300)", "at(c1, shelf)",
     ]  # fmt: skip
@@ -187,11 +187,11 @@ def test_defaults_hold_unless_a_given_fact_denies_them() -> None:
 def test_goals_with_many_ways_are_met_without_multiplying_them(monkeypatch: pytest.MonkeyPatch) -> None:
     base = problem("oven/no_stage", "at(_, rack), at(_, grill), free(_)")
     base = replace(base, initial=(*base.initial, Function("at", (Function("c2"), Function("grill")))))
-    multiplied = planning.plan(base)
-    monkeypatch.setattr(goal_compilation, "MAX_ALTERNATIVES", 1)
+    multiplied = checked_plan.plan_problem(base)
+    monkeypatch.setattr(goal_compilation, "MAX_GOAL_ALTERNATIVES", 1)
     task = ground(base)
     assert len(task.goals) == 1
-    compiled = planning.plan(base)
+    compiled = checked_plan.plan_problem(base)
     assert isinstance(multiplied, Found)
     assert isinstance(compiled, Found)
     assert names(compiled.plan) == names(multiplied.plan) == ["move(c1, shelf, rack)"]
@@ -204,7 +204,7 @@ def test_two_ways_to_say_the_same_state_contradict() -> None:
 
     base = problem("oven/no_stage")
     with pytest.raises(InvalidInput, match="K301"):
-        planning.plan(replace(base, initial=(fact("c1", "shelf"), fact("c1", "grill"))))
+        checked_plan.plan_problem(replace(base, initial=(fact("c1", "shelf"), fact("c1", "grill"))))
 
 
 @pytest.mark.parametrize("name", ["blocks/sussman", "workshop/dirty", "maze/corridor", "oven/twice"])
@@ -213,7 +213,7 @@ def test_the_same_seed_gives_the_same_plan(name: str) -> None:
 
 
 def test_a_search_without_work_gives_up() -> None:
-    outcome = planning.plan(problem("blocks/inversion"), Limits(expansions=0))
+    outcome = checked_plan.plan_problem(problem("blocks/inversion"), SearchLimits(expansions=0))
     assert not isinstance(outcome, (Found, Infeasible))
 
 

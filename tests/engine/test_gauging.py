@@ -9,10 +9,10 @@ from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.objective import plan
-from cellwright.kb.loader import bundled, load_problem
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
+from cellwright.kb.loader import bundled_domains, load_problem
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Number
 
 LIMITS = {"values_since": 25, "seconds_since": 400}
@@ -44,7 +44,7 @@ def test_what_is_due_is_planned_before_the_measurements_that_need_it(
     levels: dict[str, int], calibrations: int, refills: int
 ) -> None:
     problem = begun(load_problem("gauging/wall"), **levels)
-    found = plan(problem).outcome
+    found = plan_for_objective(problem).outcome
     assert isinstance(found, Found)
     amounts = {atom.name: int(str(atom.arguments[-1])) for atom in problem.initial if atom.name != "at"}
     done = [step.operator.name for step in found.plan.steps]
@@ -63,7 +63,7 @@ def test_what_is_due_is_planned_before_the_measurements_that_need_it(
     assert (done.count("gauge"), done.count("calibrate"), done.count("refill")) == (30, calibrations, refills)
 
 
-FAULTS = load_faults(bundled()["gauging"] / "domain.yaml")[0]
+FAULTS = load_faults(bundled_domains()["gauging"] / "domain.yaml")[0]
 CASES = [(name, cause) for name in FAULTS.exceptions for cause in FAULTS.priors(name)]
 
 

@@ -63,8 +63,9 @@ def _problem(chance: Random, cell: Path) -> Path:
 
 def domains(seed: int, folder: Path) -> Callable[[int], bool]:
     """Cases in process: a mutated cell is loaded, checked and grounded, and a small problem is planned."""
-    from cellwright.engine.pipelines.planning import loaded, plan
-    from cellwright.engine.stages.planning import Limits
+    from cellwright.engine.pipelines.planning.checked_plan import plan_problem
+    from cellwright.engine.pipelines.planning.target_files import load_target
+    from cellwright.engine.stages.planning import SearchLimits
     from cellwright.kb import stopping
 
     def case(number: int) -> bool:
@@ -72,11 +73,13 @@ def domains(seed: int, folder: Path) -> Callable[[int], bool]:
         target = _problem(chance, _changed(chance, folder))
         end = time.process_time() + 5
         try:
-            with stopping.asking(lambda: time.process_time() > end):
-                found = loaded(target)
+            with stopping.asking_to_stop(lambda: time.process_time() > end):
+                found = load_target(target)
                 if found.problem is not None:
-                    plan(found.problem, Limits(300, interrupted=lambda: time.process_time() > end))
-        except (InvalidInput, stopping.Stopped):
+                    plan_problem(
+                        found.problem, SearchLimits(300, interrupted=lambda: time.process_time() > end)
+                    )
+        except (InvalidInput, stopping.StoppedByCaller):
             return False
         return True
 

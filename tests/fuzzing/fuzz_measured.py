@@ -78,26 +78,28 @@ def measured_in(image: Any) -> None:
     """Shapes are fitted to the whole image, if its ranges are whole or can be resolved."""
     import numpy as np
 
-    from cellwright.engine.model.fits import Shape
-    from cellwright.engine.model.ranging import RangeImage, Window
-    from cellwright.engine.pipelines.dimensions import Asked, dimensions
-    from cellwright.engine.stages.vision.ranging import resolved
+    from cellwright.engine.model.shape_fits import FitShape
+    from cellwright.engine.model.vision import PixelWindow, RangeImage
+    from cellwright.engine.pipelines.motion.image_dimensions import DimensionRequest, dimensions_in_image
+    from cellwright.engine.stages.vision.sensor_images import resolve_ranges
 
     size = (image.tool.height, image.tool.width)
     if max(size) > 64:  # larger ones are the same, and take long
         return
-    image = resolved(image, np.full(size, 0.5), 0.001)
-    whole = Window(0, 0, size[1], size[0])
+    image = resolve_ranges(image, np.full(size, 0.5), 0.001)
+    whole = PixelWindow(0, 0, size[1], size[0])
     if isinstance(image, RangeImage):
-        dimensions(image, [Asked(each.value, each, whole) for each in (Shape.PLANE, Shape.CIRCLE)])
+        dimensions_in_image(
+            image, [DimensionRequest(each.value, each, whole) for each in (FitShape.PLANE, FitShape.CIRCLE)]
+        )
 
 
 def image_content(path: Path) -> None:
     """An image whose arrays are what a text in JSON says, so that mutations get past the checksums of the file."""
-    from cellwright.kb.json_text import parsed
+    from cellwright.kb.json_text import parse_json
 
     try:
-        said = parsed(path.read_bytes().decode("utf-8", "replace"))
+        said = parse_json(path.read_bytes().decode("utf-8", "replace"))
     except ValueError:
         raise Refused from None
     file = path.with_suffix(".npz")
@@ -111,7 +113,7 @@ def image_content(path: Path) -> None:
 def depth_as_ranges(path: Path) -> None:
     """A depth image of a tool is read and measured in."""
     from cellwright.engine.formats.interop.range_files import read_ranges
-    from cellwright.kb.model.ranging import Ranging
+    from cellwright.kb.model.cell_model import Ranging
 
     measured_in(read_ranges(path, Ranging(**{**TOOL, "width": 8, "height": 6})))
 
@@ -121,42 +123,42 @@ def cloud(path: Path) -> None:
     import numpy as np
 
     from cellwright.engine.formats.interop.depth_files import read_cloud
-    from cellwright.engine.model.fits import Cloud, Shape
-    from cellwright.engine.stages.fitting.surfaces import fitted
+    from cellwright.engine.model.shape_fits import Cloud, FitShape
+    from cellwright.engine.stages.fitting.shape_fit import fit_measured_shape
 
     points = read_cloud(path)
     if len(points) < 200:
-        fitted(Shape.PLANE, Cloud(points, np.full(len(points), 5e-5)))
+        fit_measured_shape(FitShape.PLANE, Cloud(points, np.full(len(points), 5e-5)))
 
 
 def truth(path: Path) -> None:
     """The hidden truth of a simulated part."""
-    from cellwright.engine.pipelines.simulator.truth import read_truth
+    from cellwright.engine.pipelines.simulators.true_part import read_truth
 
     read_truth(str(path), _job(), 1)
 
 
 def alignment(path: Path) -> None:
     """Results as datums of a part, and where they say that it lies."""
-    from cellwright.engine.formats.interop.alignments import datums_of, read_results
-    from cellwright.engine.stages.fitting.alignment import aligned
+    from cellwright.engine.formats.interop.measured_alignment import datums_of, read_results
+    from cellwright.engine.stages.fitting.datum_alignment import align_by_datums
 
-    aligned(datums_of(_job(), read_results(path), 5e-5))
+    align_by_datums(datums_of(_job(), read_results(path), 5e-5))
 
 
 @cache
 def profiles(form: str) -> list[bytes]:
     """Profiles of points of a problem."""
-    from cellwright.engine.formats.interop.results import ResultForm, written
-    from cellwright.kb.model.results import Measured, Results
+    from cellwright.engine.formats.interop.results import ResultForm, write_results
+    from cellwright.kb.model.measured_results import Measured, Results
 
     found = tuple(Measured(f"m{n}", "profile", 10.0 * n, "um", 0.0, tool="slra") for n in range(1, 13))
-    return [written(Results("monday", "", found), ResultForm(form)).encode()]
+    return [write_results(Results("monday", "", found), ResultForm(form)).encode()]
 
 
 @cache
 def _job() -> Any:
-    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.pipelines.planning.checked_plan import problem_of
 
     return problem_of("bulkhead/twelve_points")
 

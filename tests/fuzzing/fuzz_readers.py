@@ -67,17 +67,17 @@ def _words(pattern: str) -> Callable[[], list[bytes]]:
 
 
 def expressions(path: Path) -> None:
-    from cellwright.kb.syntax import STARTS, ExpressionError, parse
+    from cellwright.kb.syntax import GRAMMAR_STARTS, ExpressionError, parse_expression
 
     text, refused = _text(path), 0
-    for start in STARTS:
+    for start in GRAMMAR_STARTS:
         try:
-            parse(start, text)
+            parse_expression(start, text)
         except ExpressionError as error:
             if not 0 <= error.offset <= len(text):
                 raise IndexError(error.offset) from error
             refused += 1
-    if refused == len(STARTS):
+    if refused == len(GRAMMAR_STARTS):
         raise Refused
 
 
@@ -95,20 +95,20 @@ def terms(path: Path) -> None:
 
 def rules(path: Path) -> None:
     from cellwright.kb.asp import AspError
-    from cellwright.kb.asp.statements import statements
+    from cellwright.kb.asp.statements import read_statements
 
     text = _text(path)
     try:
-        list(statements(text, File.of("rules.lp", text).line))
+        list(read_statements(text, File.of("rules.lp", text).line))
     except AspError:
         raise Refused from None
 
 
 def notation(path: Path) -> None:
-    from cellwright.kb.store import notation as read
+    from cellwright.kb.store import term_notation as read
 
     text, refused = _text(path), 0
-    for each in (read.read_term, read.read_atom, read.read_literal, read.read_part):
+    for each in (read.read_term, read.read_stored_atom, read.read_literal, read.read_part):
         try:
             each(text)
         except read.NotationError:
@@ -118,9 +118,9 @@ def notation(path: Path) -> None:
 
 
 def numbers(path: Path) -> None:
-    from cellwright.kb.numbers import NumberError, decimal, whole
+    from cellwright.kb.numbers import NumberError, read_decimal, read_whole
 
-    for each in (whole, decimal):
+    for each in (read_whole, read_decimal):
         try:
             each(_text(path))
         except NumberError:
@@ -130,7 +130,7 @@ def numbers(path: Path) -> None:
 
 
 def tree(path: Path) -> None:
-    from cellwright.kb.loader.tree import read_tree
+    from cellwright.kb.loader.yaml_tree import read_tree
 
     _, found = read_tree(read_file(path))
     if found:
@@ -138,19 +138,19 @@ def tree(path: Path) -> None:
 
 
 def xml(path: Path) -> None:
-    from cellwright.kb.loader.xml import read_xml
+    from cellwright.kb.loader.strict_xml import read_xml
 
     read_xml(read_file(path))
 
 
 def address(path: Path) -> None:
-    from cellwright.kb.store.engines import address as read
+    from cellwright.kb.store.database import store_url as read
 
     read(_text(path))
 
 
 def protocol(path: Path) -> None:
-    from cellwright.engine.pipelines.controllers import protocol as read
+    from cellwright.engine.pipelines.execution.controllers import protocol as read
 
     try:
         found = read.read_line(path.read_bytes())
@@ -160,25 +160,25 @@ def protocol(path: Path) -> None:
             what[found["type"]](found)
         if found["type"] in late:
             late[found["type"]](found, 5)
-    except read.Garbage:
+    except read.MalformedLine:
         raise Refused from None
 
 
 def macrops(path: Path) -> None:
-    from cellwright.engine.pipelines.reuse.lessons import read, records
+    from cellwright.engine.pipelines.planning.macros.macro_exchange import macro_records, read_macros
 
-    records(read(path))
+    macro_records(read_macros(path))
 
 
 def cases(path: Path) -> None:
-    from cellwright.engine.pipelines.troubleshooting.given import imported
+    from cellwright.engine.pipelines.recovery.case_input import import_counts
 
-    imported(_fault_model(), path)
+    import_counts(_fault_model(), path)
 
 
 @cache
 def _fault_model():  # type: ignore[no-untyped-def]
-    from cellwright.kb.loader.faults import load_faults
+    from cellwright.kb.loader.fault_base import load_faults
 
     return load_faults(seeds.CELLS[0] / "domain.yaml")[0]
 
@@ -190,40 +190,42 @@ def _cases() -> list[bytes]:
 
 
 def motions(path: Path) -> None:
-    from cellwright.engine.faces.cli.motion_sets import _read
+    from cellwright.engine.faces.cli.verbs.motion_verbs import _read_problem_set
 
-    _read(path)
+    _read_problem_set(path)
 
 
 def results(form: str, path: Path) -> None:
-    from cellwright.engine.formats.interop.results import ResultForm, read
+    from cellwright.engine.formats.interop.results import ResultForm, read_results_text
 
     try:
-        read(read_file(path).text, ResultForm(form))
+        read_results_text(read_file(path).text, ResultForm(form))
     except ValueError as error:
         raise Refused from error
 
 
 @cache
 def _results(form: str) -> list[bytes]:
-    from cellwright.engine.formats.interop.results import ResultForm, written
-    from cellwright.kb.model.results import Measured, Results
+    from cellwright.engine.formats.interop.results import ResultForm, write_results
+    from cellwright.kb.model.measured_results import Measured, Results
 
     measured = Measured("m1", "thickness", 6342.5, "um", 6350, 6340, 6360, "probe", "measure(m1)", 42_000)
-    return [written(Results("monday", "2026-11-22T10:00:00+00:00", (measured,)), ResultForm(form)).encode()]
+    return [
+        write_results(Results("monday", "2026-11-22T10:00:00+00:00", (measured,)), ResultForm(form)).encode()
+    ]
 
 
 def log(path: Path) -> None:
-    from cellwright.engine.pipelines.simulator.log import Log
+    from cellwright.engine.pipelines.simulators.simulator_log import SimulatorLog
 
-    with closing(Log(str(path))) as found:
+    with closing(SimulatorLog(str(path))) as found:
         list(found.past())
 
 
 def sentence(path: Path) -> None:
-    from cellwright.kb.commands import understand
+    from cellwright.kb.commands import understand_command
 
-    understand(_domain(), _text(path))
+    understand_command(_domain(), _text(path))
 
 
 @cache
@@ -240,7 +242,7 @@ def goals(path: Path) -> None:
 
 
 def configuration(path: Path) -> None:
-    from cellwright.kb.loader.configuration import read_configuration
+    from cellwright.kb.loader.joint_values import read_configuration
 
     read_configuration(_text(path), _cell())
 
@@ -265,13 +267,13 @@ def cell(path: Path) -> None:
 
 
 def arm(path: Path) -> None:
-    from cellwright.kb.loader.arm import load_arm
+    from cellwright.kb.loader.arm_file import load_arm
 
     load_arm(path)
 
 
 def scene(path: Path) -> None:
-    from cellwright.kb.loader.scene import load_scene
+    from cellwright.kb.loader.scene_file import load_scene
 
     load_scene(path)
 
@@ -284,55 +286,55 @@ def mesh(path: Path) -> None:
 
 def depth(path: Path) -> None:
     from cellwright.engine.formats.interop.depth_files import read_depth
-    from cellwright.engine.model.vision import Camera
+    from cellwright.engine.model.vision import DepthCamera
 
-    read_depth(path, Camera.viewing(8, 6, 0.6, 1.0))
+    read_depth(path, DepthCamera.viewing(8, 6, 0.6, 1.0))
 
 
 def qif(path: Path) -> None:
-    from cellwright.engine.formats.interop.qif.points import inspection_of
+    from cellwright.engine.formats.interop.qif.feature_points import inspection_of
 
     inspection_of(path)
 
 
 def pnml(path: Path) -> None:
-    from cellwright.engine.formats.interop.pnml.reading import read_pnml
+    from cellwright.engine.formats.interop.pnml import read_pnml
 
     read_pnml(path)
 
 
 def tsplib(path: Path) -> None:
-    from cellwright.engine.formats.interop.tsplib import read_tsplib
+    from cellwright.engine.formats.interop.visit_files import read_tsplib
 
     read_tsplib(path)
 
 
 def table(path: Path) -> None:
-    from cellwright.engine.formats.interop.tables import read_table
+    from cellwright.engine.formats.interop.measurement_tables import read_table
 
     read_table(path)
 
 
 def jobshop(path: Path) -> None:
-    from cellwright.engine.formats.interop.jobshop import read_jobshop
+    from cellwright.engine.formats.interop.shop_files import read_jobshop
 
     read_jobshop(path)
 
 
 def slab(path: Path) -> None:
-    from cellwright.engine.formats.interop.slab import read_slab
+    from cellwright.engine.formats.interop.shop_files import read_slab
 
     read_slab(path.parent)
 
 
 def pddl(path: Path) -> None:
-    from cellwright.engine.formats.interop.pddl import read_pddl
+    from cellwright.engine.formats.interop.pddl import read_pddl_task
 
-    read_pddl(path.with_name("domain.pddl"), path.with_name("problem.pddl"))
+    read_pddl_task(path.with_name("domain.pddl"), path.with_name("problem.pddl"))
 
 
 def pddl_plan(path: Path) -> None:
-    from cellwright.engine.formats.interop.pddl.plans import read_plan
+    from cellwright.engine.formats.interop.pddl.competition_plans import read_plan
 
     read_plan(_task(), path)
 
@@ -341,13 +343,13 @@ def pddl_plan(path: Path) -> None:
 def _task():  # type: ignore[no-untyped-def]
     import tempfile
 
-    from cellwright.engine.formats.interop.pddl import read_pddl
+    from cellwright.engine.formats.interop.pddl import read_pddl_task
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "d.pddl").write_text(seeds.PDDL_DOMAIN)
         (folder / "p.pddl").write_text(seeds.PDDL_PROBLEM)
-        return read_pddl(folder / "d.pddl", folder / "p.pddl")
+        return read_pddl_task(folder / "d.pddl", folder / "p.pddl")
 
 
 def plan(path: Path) -> None:

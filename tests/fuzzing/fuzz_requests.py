@@ -78,49 +78,49 @@ JOURNAL = (
 
 
 def acts(path: Path) -> None:
-    from cellwright.engine.formats.interop.acts import read_acts
+    from cellwright.engine.formats.interop.operator_events import read_acts
 
     read_acts(path, _scene())
 
 
 @cache
 def _scene():  # type: ignore[no-untyped-def]
-    from cellwright.kb.loader.scene import load_scene
+    from cellwright.kb.loader.scene_file import load_scene
 
     return load_scene(seeds.TOP / "domains" / "handey" / "scenes" / "turning.yaml")
 
 
 @cache
 def _problem():  # type: ignore[no-untyped-def]
-    from cellwright.engine.pipelines.planning import problem_of
+    from cellwright.engine.pipelines.planning.checked_plan import problem_of
 
     return problem_of("themse/one")
 
 
 def addition(path: Path) -> None:
-    from cellwright.engine.pipelines.execution.adding import addition as read
-    from cellwright.engine.pipelines.execution.adding import extended
+    from cellwright.engine.pipelines.execution.run_goals import extend_problem
+    from cellwright.engine.pipelines.execution.run_goals import read_addition as read
 
     found = read(_problem(), _text(path), 1000)
-    extended(_problem(), found.words, found.wishes)
+    extend_problem(_problem(), found.words, found.wishes)
 
 
 def facts(path: Path) -> None:
-    from cellwright.engine.pipelines.revision.observing import read_facts
+    from cellwright.engine.pipelines.recovery.observations import read_facts
 
     read_facts(_text(path), _problem().domain, "--holds")
 
 
 def steps(path: Path) -> None:
-    from cellwright.engine.pipelines.revision.observing import read_steps
-    from cellwright.kb.model.plan import StepId
+    from cellwright.engine.pipelines.recovery.observations import read_steps
+    from cellwright.kb.model.plan_model import StepId
 
     read_steps(_text(path), map(StepId, range(1, 20)))
 
 
 def settings(path: Path) -> None:
-    from cellwright.engine.pipelines.controllers.settings import patience_of, place_of
-    from cellwright.engine.pipelines.simulator.settings import settings_of
+    from cellwright.engine.pipelines.execution.controllers.link import patience_of, place_of
+    from cellwright.engine.pipelines.simulators.simulator_settings import settings_of
     from cellwright.engine.ports import DriverSetup
     from cellwright.kb.diagnostics import InvalidInput
 
@@ -135,7 +135,7 @@ def settings(path: Path) -> None:
 
 
 def request(path: Path) -> None:
-    from cellwright.engine.faces.monitor.door import Door
+    from cellwright.engine.faces.monitor.access_control import AccessControl
 
     asked = _object(path)
     headers = asked.get("headers")
@@ -158,7 +158,7 @@ def request(path: Path) -> None:
 
     said = list[MutableMapping[str, Any]]()
     for local in (True, False):
-        asyncio.run(Door(inner, ["127.0.0.1:8210"], "a", local)(scope, receive, send))
+        asyncio.run(AccessControl(inner, ["127.0.0.1:8210"], "a", local)(scope, receive, send))
     if said[0].get("status", 200) != 200:
         raise Refused
 
@@ -169,10 +169,10 @@ def _bytes(value: object) -> bytes:
 
 def _object(path: Path) -> dict[str, Any]:
     """The object in a file, as the monitor reads the body of a request."""
-    from cellwright.kb.json_text import parsed
+    from cellwright.kb.json_text import parse_json
 
     try:
-        found = parsed(path.read_bytes())
+        found = parse_json(path.read_bytes())
     except ValueError:
         raise Refused from None
     if not isinstance(found, dict):
@@ -181,27 +181,27 @@ def _object(path: Path) -> dict[str, Any]:
 
 
 def order(path: Path) -> None:
-    from cellwright.engine.faces.monitor import shared
+    from cellwright.engine.faces.monitor import shared_state
 
-    shared.begun = lambda *_: "not here"  # nothing is started
-    shared.started = lambda *_: None  # type: ignore[assignment,return-value]
-    status, _ = shared.Shared(str(path.with_name("runs.db"))).order("key", _object(path))
+    shared_state.start_run = lambda *_: "not here"  # nothing is started
+    shared_state.start_command = lambda *_: None  # type: ignore[assignment,return-value]
+    status, _ = shared_state.SharedState(str(path.with_name("runs.db"))).order("key", _object(path))
     if status != 200:
         raise Refused
 
 
 def journal(path: Path) -> None:
     """A line of a journal whose content was changed: results are read from it, and a run is resumed from it."""
-    from cellwright.engine.pipelines.execution.records import compiled_of
-    from cellwright.engine.pipelines.past import reading_past
-    from cellwright.engine.pipelines.results import read
+    from cellwright.engine.pipelines.execution.plan_records import compiled_of
+    from cellwright.engine.pipelines.execution.run_journal import reading_past
+    from cellwright.engine.pipelines.execution.run_results import read_run_results
     from cellwright.kb.diagnostics import InvalidInput
-    from cellwright.kb.store.journal import Begun, Line
+    from cellwright.kb.store.journal import Begun, JournalLine
 
     content, refused = _object(path), 0
     for take in (
-        lambda: read(Begun("r", "", {}), _problem(), [Line(1, 0, "reply", content)]),
-        lambda: read(Begun("r", "", {}), _problem(), [Line(1, 0, "done", content)]),
+        lambda: read_run_results(Begun("r", "", {}), _problem(), [JournalLine(1, 0, "reply", content)]),
+        lambda: read_run_results(Begun("r", "", {}), _problem(), [JournalLine(1, 0, "done", content)]),
         lambda: compiled_of(content),
     ):
         try:
@@ -215,9 +215,9 @@ def journal(path: Path) -> None:
 
 def rewritten(path: Path) -> None:
     """A problem file from which a measurement is taken out."""
-    from cellwright.engine.formats.interop.inspections import rewrite
+    from cellwright.engine.formats.interop.inspection_files import edit_measurements
 
-    rewrite(path, "removed", "a1")
+    edit_measurements(path, "removed", "a1")
 
 
 @cache

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cellwright.kb.arithmetic import compare, evaluate, order_key
+from cellwright.kb.arithmetic import compare_terms, evaluate_term, order_key
 from cellwright.kb.asp import AspError, ground_term
 from cellwright.kb.terms import Function, Number, Operation, Term, Text, Variable
 
@@ -58,7 +58,7 @@ def worth(term: Term) -> clingo.Symbol | None:
 @laws
 @given(terms)
 def test_a_term_is_worth_what_clingo_says(term: Term) -> None:
-    value = evaluate(term)
+    value = evaluate_term(term)
     assert (None if value is None else symbol(value)) == worth(term)
 
 
@@ -74,7 +74,7 @@ def test_values_are_ordered_as_clingo_orders_symbols(one: Term, other: Term) -> 
 @given(terms, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), terms)
 def test_a_comparison_is_true_where_clingo_derives_from_it(left: Term, relation: str, right: Term) -> None:
     control = grounded(f"holds :- {left} {relation} {right}.")
-    assert compare(left, relation, right) == bool(len(control.symbolic_atoms))
+    assert compare_terms(left, relation, right) == bool(len(control.symbolic_atoms))
 
 
 @pytest.mark.parametrize(
@@ -83,19 +83,19 @@ def test_a_comparison_is_true_where_clingo_derives_from_it(left: Term, relation:
 )
 def test_division_rounds_towards_zero_and_sums_wrap_around(text: str, value: int) -> None:
     left, operator, right = text.split()
-    assert evaluate(Operation(operator, Number(int(left)), Number(int(right)))) == Number(value)
+    assert evaluate_term(Operation(operator, Number(int(left)), Number(int(right)))) == Number(value)
     assert ground_term(f"{left} {operator} ({right})") == Number(value)
 
 
 @pytest.mark.parametrize("operator", ["/", "\\"])
 def test_division_by_zero_has_no_value_wherever_it_stands(operator: str) -> None:
     nothing = Operation(operator, Number(1), Number(0))
-    assert evaluate(Function("slot", (nothing,))) is None
-    assert not any(compare(nothing, relation, nothing) for relation in ("=", "!=", "<=", ">="))
+    assert evaluate_term(Function("slot", (nothing,))) is None
+    assert not any(compare_terms(nothing, relation, nothing) for relation in ("=", "!=", "<=", ">="))
 
 
 def test_the_smallest_number_divided_by_minus_one_wraps_where_clingo_dies() -> None:
-    assert evaluate(Operation("/", Number(-LARGEST - 1), Number(-1))) == Number(-LARGEST - 1)
+    assert evaluate_term(Operation("/", Number(-LARGEST - 1), Number(-1))) == Number(-LARGEST - 1)
 
 
 def test_what_is_not_ground_has_no_place_in_the_order() -> None:
@@ -104,6 +104,6 @@ def test_what_is_not_ground_has_no_place_in_the_order() -> None:
 
 
 def test_arithmetic_on_constants_has_no_value_as_in_clingo() -> None:
-    assert evaluate(Operation("+", Function("bolt"), Number(1))) is None
+    assert evaluate_term(Operation("+", Function("bolt"), Number(1))) is None
     with pytest.raises(AspError):
         ground_term("bolt + 1")

@@ -5,16 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.interop.inspections import remarks
-from cellwright.engine.formats.interop.jobshop import read_jobshop
-from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.authoring import domain_check
+from cellwright.engine.formats.interop.inspection_files import inspection_remarks
+from cellwright.engine.formats.interop.measurement_tables import read_table
+from cellwright.engine.formats.interop.pddl import read_pddl_task
 from cellwright.engine.formats.interop.pnml import read_pnml
-from cellwright.engine.formats.interop.qif.points import inspection_of
-from cellwright.engine.formats.interop.tables import read_table
-from cellwright.engine.formats.interop.tsplib import read_tsplib
-from cellwright.engine.pipelines import checking, planning
-from cellwright.kb.asp import trial
-from cellwright.kb.diagnostics import CODES, Diagnostic, InvalidInput
+from cellwright.engine.formats.interop.qif.feature_points import inspection_of
+from cellwright.engine.formats.interop.shop_files import read_jobshop
+from cellwright.engine.formats.interop.visit_files import read_tsplib
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.kb.asp import trial_grounding
+from cellwright.kb.diagnostics import DIAGNOSTIC_CODES, Diagnostic, InvalidInput
 from cellwright.kb.loader.cell import load_cell
 from cellwright.kb.loader.plan import load_claimed
 from tests.refusals import ENVIRONMENT, REFUSALS
@@ -36,18 +37,20 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
     try:
         if (folder / "plan.json").exists():
             problem, plan, claims = load_claimed(folder / "plan.json")
-            return tuple(planning.check_plan(problem, plan, str(folder / "plan.json"), claims))
+            return tuple(checked_plan.check_plan(problem, plan, str(folder / "plan.json"), claims))
         if (folder / "domain.pddl").exists():
-            read_pddl(folder / "domain.pddl", folder / "problem.pddl")
+            read_pddl_task(folder / "domain.pddl", folder / "problem.pddl")
         for pattern, read in READERS.items():
             for file in folder.glob(pattern):
                 read(file)
         for file in folder.glob("*.qif"):
-            return remarks(inspection_of(file), file)
+            return inspection_remarks(inspection_of(file), file)
         if (folder / "cell.yaml").exists():
             load_cell(folder / "cell.yaml")
         target = folder / "problem.yaml"
-        return checking.check(str(target if target.exists() else folder / "domain.yaml")).diagnostics
+        return domain_check.check_domain_files(
+            str(target if target.exists() else folder / "domain.yaml")
+        ).diagnostics
     except InvalidInput as error:
         return error.diagnostics
 
@@ -55,7 +58,7 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Grounding gives up soon."""
-    monkeypatch.setattr(trial, "SECONDS", 1)
+    monkeypatch.setattr(trial_grounding, "MAX_TRIAL_S", 1)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -70,7 +73,7 @@ def test_the_message_of_an_example(
 
 def test_every_code_has_an_example() -> None:
     shown = {name[:4] for name in EXAMPLES} | {*REFUSALS, *ENVIRONMENT}
-    assert shown | PENDING == set(CODES)
+    assert shown | PENDING == set(DIAGNOSTIC_CODES)
     assert not shown & PENDING
 
 

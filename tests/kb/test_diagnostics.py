@@ -5,7 +5,14 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.kb.diagnostics import CODES, NOWHERE, Diagnostic, Source, printable, unknown_name
+from cellwright.kb.diagnostics import (
+    DIAGNOSTIC_CODES,
+    NOWHERE,
+    Diagnostic,
+    Source,
+    printable_line,
+    unknown_name,
+)
 
 texts = st.text(max_size=60) | st.text(st.sampled_from("a\x1b\x07\x9b\r\n\t\u202e\u2066日 "), max_size=30)
 
@@ -28,8 +35,8 @@ def test_nothing_that_a_file_holds_commands_the_terminal(
 
 @given(texts)
 def test_what_is_shown_stays_as_it_is(text: str) -> None:
-    assert printable(printable(text)) == printable(text)
-    assert printable(text) == text or "\\u" in printable(text)
+    assert printable_line(printable_line(text)) == printable_line(text)
+    assert printable_line(text) == text or "\\u" in printable_line(text)
 
 
 @given(st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=40), st.data())
@@ -41,8 +48,8 @@ def test_the_caret_stands_under_its_column(line: str, data: st.DataObject) -> No
 
 
 def test_codes_are_a_letter_and_three_digits_in_order() -> None:
-    assert list(CODES) == sorted(CODES)
-    assert all(code[0] == "K" and code[1:].isdigit() and len(code) == 4 for code in CODES)
+    assert list(DIAGNOSTIC_CODES) == sorted(DIAGNOSTIC_CODES)
+    assert all(code[0] == "K" and code[1:].isdigit() and len(code) == 4 for code in DIAGNOSTIC_CODES)
 
 
 def test_known_names_of_a_set_are_told_in_one_order() -> None:

@@ -13,14 +13,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cellwright.kb.asp import AspError, ground_term
-from cellwright.kb.asp.statements import statements
+from cellwright.kb.asp.statements import read_statements
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.files import File
 from cellwright.kb.loader import load
 from cellwright.kb.loader.cell import load_cell
 from cellwright.kb.loader.contacts import load_contacts
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.syntax import STARTS, ExpressionError, parse
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.syntax import GRAMMAR_STARTS, ExpressionError, parse_expression
 
 TOP = Path(__file__).parents[2]
 CELLS = [
@@ -275,11 +275,11 @@ def generated_rules_are_answered(data: st.DataObject, folder: Path) -> None:
 
 def garbled_expressions_are_answered(data: st.DataObject, _: Path) -> None:
     text = data.draw(garbled | st.text(max_size=40))
-    for start in STARTS:
+    for start in GRAMMAR_STARTS:
         with answered_soon():
             offset = 0
             try:
-                parse(start, text)
+                parse_expression(start, text)
             except ExpressionError as error:
                 offset = error.offset
             assert 0 <= offset <= len(text)
@@ -287,7 +287,7 @@ def garbled_expressions_are_answered(data: st.DataObject, _: Path) -> None:
         with suppress(AspError):
             ground_term(text)
         with suppress(AspError):
-            list(statements(text, File.of("rules.lp", text).line))
+            list(read_statements(text, File.of("rules.lp", text).line))
 
 
 CLAIMS = [

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.kb.graphs import components, reached
+from cellwright.kb.graphs import reachable_vertices, strong_components
 
 GRAPHS = st.integers(0, 7).flatmap(
     lambda size: st.dictionaries(
@@ -16,13 +16,13 @@ GRAPHS = st.integers(0, 7).flatmap(
 def test_components_are_the_classes_of_mutual_reachability_with_targets_first(
     graph: dict[int, list[int]],
 ) -> None:
-    found = list(components(graph))
+    found = list(strong_components(graph))
     vertices = set(graph) | {target for targets in graph.values() for target in targets}
     assert sorted(vertex for part in found for vertex in part) == sorted(vertices)
     place = {vertex: number for number, part in enumerate(found) for vertex in part}
     for vertex in vertices:
-        for other in reached(graph, vertex):
-            assert (place[vertex] == place[other]) == (vertex in reached(graph, other))
+        for other in reachable_vertices(graph, vertex):
+            assert (place[vertex] == place[other]) == (vertex in reachable_vertices(graph, other))
             assert place[other] <= place[vertex]
 
 
@@ -31,4 +31,4 @@ def test_reached_is_the_least_closed_set(graph: dict[int, list[int]], start: int
     closed = {start}
     for _ in range(9):
         closed |= {target for vertex in closed for target in graph.get(vertex, [])}
-    assert reached(graph, start) == closed
+    assert reachable_vertices(graph, start) == closed

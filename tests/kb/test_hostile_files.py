@@ -10,9 +10,9 @@ import pytest
 
 from cellwright.kb.asp import AspError, ground_term
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.files import MAX_BYTES
-from cellwright.kb.loader import find, load, load_plan
-from cellwright.kb.syntax import ExpressionError, parse
+from cellwright.kb.files import MAX_FILE_BYTES
+from cellwright.kb.loader import find_target, load, load_plan
+from cellwright.kb.syntax import ExpressionError, parse_expression
 
 DOMAIN = """domain: cell
 include: [rules.lp]
@@ -86,7 +86,7 @@ def test_a_name_that_no_file_can_have(cell: Path) -> None:
     assert codes(cell / ("x" * 5000)) == codes(Path("a\0b")) == {"K001"}
     for target in ("x" * 5000, "a\0b", "", "/", "themse/" + "y" * 300):
         with pytest.raises(InvalidInput, match="K401"):
-            find(target)
+            find_target(target)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable for root")
@@ -155,7 +155,7 @@ def test_deep_terms_are_refused_by_the_parser(start: str, depth: int) -> None:
         "p(" + "(" * depth + "a" + ")" * depth + ")",
     ):
         with pytest.raises(ExpressionError):
-            parse(start, text)
+            parse_expression(start, text)
 
 
 @pytest.mark.parametrize(
@@ -407,5 +407,5 @@ def test_plan_files_are_answered(key: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_plan_file_may_be_longer_than_other_files(tmp_path: Path) -> None:
     """A plan of fifty thousand steps has some 20 MiB and two million values."""
-    (tmp_path / "plan.json").write_text(PLAN + " " * MAX_BYTES)
+    (tmp_path / "plan.json").write_text(PLAN + " " * MAX_FILE_BYTES)
     assert len(load_plan(tmp_path / "plan.json")[1].steps) == 1

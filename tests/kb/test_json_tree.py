@@ -9,10 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.files import File, unprintable
-from cellwright.kb.loader.json_tree import json_tree
-from cellwright.kb.loader.node import MAX_NODES, Node
-from cellwright.kb.loader.tree import Composer, read_tree
+from cellwright.kb.files import File, find_unprintable
+from cellwright.kb.loader.yaml_tree import MAX_NODES, Composer, YamlNode, json_tree, read_tree
 
 words = st.text(st.sampled_from('ab "\\/,:{}[]#-\n\té~'), max_size=6)
 values = st.recursive(
@@ -24,7 +22,7 @@ forms = st.sampled_from(
 )
 
 
-def composed(file: File) -> Node | None:
+def composed(file: File) -> YamlNode | None:
     """The tree by YAML; None if YAML has something to say."""
     found: list[Any] = []
     try:
@@ -37,7 +35,7 @@ def composed(file: File) -> Node | None:
 @given(st.dictionaries(words, values, max_size=4), forms)
 def test_a_tree_is_that_of_yaml(content: dict[str, Any], form: dict[str, Any]) -> None:
     file = File.of("file", json.dumps(content, **form))
-    if unprintable(file.text):
+    if find_unprintable(file.text):
         return
     quick = json_tree(file, MAX_NODES)
     if quick is not None:

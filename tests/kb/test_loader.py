@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
-from cellwright.kb.files import EXCERPT, File
+from cellwright.kb.files import MAX_EXCERPT_CHARACTERS, File
 from cellwright.kb.loader import load, with_goals
-from cellwright.kb.loader.tree import read_tree
+from cellwright.kb.loader.yaml_tree import read_tree
 from cellwright.kb.model.conditions import Aggregate, And, Exists, ForAll, Literal, Not, Or
-from cellwright.kb.model.domain import Domain, Kind
-from cellwright.kb.syntax import ExpressionError, parse
+from cellwright.kb.model.domain_model import Domain, Kind
+from cellwright.kb.syntax import ExpressionError, parse_expression
 from cellwright.kb.terms import Variable
 
 BASE = """domain: store
@@ -114,7 +114,7 @@ initial:
 def test_goals_mean_what_they_say(goal: str, feasible: bool, tmp_path: Path) -> None:
     domain(tmp_path)
     (tmp_path / "p.yaml").write_text(PROBLEM + f"goals: ['{goal}']\n")
-    outcome = planning.plan(planning.problem_of(str(tmp_path / "p.yaml")))
+    outcome = checked_plan.plan_problem(checked_plan.problem_of(str(tmp_path / "p.yaml")))
     assert isinstance(outcome, Found if feasible else Infeasible)
 
 
@@ -139,7 +139,7 @@ def test_a_universal_precondition_reads_the_variables_of_its_operator(
         "problem: p\ndomain: store\nobjects:\n  cup: [c1, c2]\ncomplete: true\n"
         f"initial:\n  - at(c1, {dirty}), at(c2, {other}), clean(c2)\ngoals: [sealed]\n"
     )
-    outcome = planning.plan(planning.problem_of(str(tmp_path / "p.yaml")))
+    outcome = checked_plan.plan_problem(checked_plan.problem_of(str(tmp_path / "p.yaml")))
     assert isinstance(outcome, Found if feasible else Infeasible)
 
 
@@ -207,7 +207,7 @@ def test_the_caret_stands_under_its_character(before: int, after: int) -> None:
     file = File.of("file", "x" * before + "!" + "x" * after)
     shown, caret = file.at(before).excerpt()
     assert shown[len(caret) - 1] == "!"
-    assert len(shown) <= 2 * EXCERPT + 3
+    assert len(shown) <= 2 * MAX_EXCERPT_CHARACTERS + 3
 
 
 def test_a_caret_follows_tabs_and_wide_letters() -> None:
@@ -221,7 +221,7 @@ def test_a_message_has_place_severity_code_line_caret_and_hint() -> None:
 
 
 def test_alternatives_and_universal_conditions_are_parsed() -> None:
-    either, every, plain = parse("conditions", "a(X) | not b(X), p(Y) : q(Y), c").value
+    either, every, plain = parse_expression("conditions", "a(X) | not b(X), p(Y) : q(Y), c").value
     assert isinstance(either, Or)
     assert isinstance(every, ForAll)
     assert isinstance(plain, Literal)
@@ -232,7 +232,7 @@ def test_alternatives_and_universal_conditions_are_parsed() -> None:
 )
 def test_conditions_that_are_none(text: str) -> None:
     with pytest.raises(ExpressionError):
-        parse("conditions", text)
+        parse_expression("conditions", text)
 
 
 @pytest.mark.parametrize(
@@ -240,13 +240,13 @@ def test_conditions_that_are_none(text: str) -> None:
 )
 def test_an_absolute_value_is_told_where_it_is_known(start: str, text: str) -> None:
     with pytest.raises(ExpressionError) as refused:
-        parse(start, text)
+        parse_expression(start, text)
     assert ".lp files" in refused.value.hint
 
 
 def test_a_bar_behind_an_atom_is_told_as_a_choice() -> None:
     with pytest.raises(ExpressionError) as refused:
-        parse("atoms", "a(X) | b(X)")
+        parse_expression("atoms", "a(X) | b(X)")
     assert "between atoms of a condition" in refused.value.hint
 
 

@@ -5,26 +5,26 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.pipelines import checking
+from cellwright.engine.authoring import domain_check
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader import bundled, load
+from cellwright.kb.loader import bundled_domains, load
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.targets import find, problem_files
+from cellwright.kb.targets import find_target, problem_files
 
 
 @pytest.fixture
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of a bundled domain in the working folder."""
-    shutil.copytree(bundled()["bulkhead"], tmp_path / "bulkhead")
+    shutil.copytree(bundled_domains()["bulkhead"], tmp_path / "bulkhead")
     monkeypatch.chdir(tmp_path)
     return tmp_path / "bulkhead"
 
 
 def test_a_problem_of_the_own_domain_is_found(own: Path) -> None:
-    assert find("bulkhead/one_point").resolve() == (own / "problems" / "one_point.yaml").resolve()
+    assert find_target("bulkhead/one_point").resolve() == (own / "problems" / "one_point.yaml").resolve()
     (own / "problems" / "one_point.yaml").unlink()
     with pytest.raises(InvalidInput, match=r"K401.*has no such problem"):
-        find("bulkhead/one_point")
+        find_target("bulkhead/one_point")
 
 
 @pytest.mark.parametrize("kind", ["folder", "dangling"])
@@ -37,21 +37,25 @@ def test_an_unreadable_domain_is_not_replaced_by_the_bundled_one(own: Path, kind
         file.symlink_to("/nowhere")
     for target in ("bulkhead", "bulkhead/one_point"):
         with pytest.raises(InvalidInput, match=r"K001|K401"):
-            load(find(target))
+            load(find_target(target))
 
 
 def test_problems_that_are_no_folder_are_told(own: Path) -> None:
     shutil.rmtree(own / "problems")
     assert problem_files(own / "domain.yaml") == []
     (own / "problems").write_text("")
-    assert "K001" in {each.code for each in checking.check("bulkhead", reach=False).diagnostics}
+    assert "K001" in {
+        each.code for each in domain_check.check_domain_files("bulkhead", reach=False).diagnostics
+    }
 
 
 @pytest.mark.parametrize("name", ["faults.yaml", "cell.yaml", "contacts.yaml"])
 def test_a_file_beside_the_domain_that_leads_nowhere_is_told(own: Path, name: str) -> None:
     (own / name).unlink(missing_ok=True)
     (own / name).symlink_to("/nowhere")
-    assert "K001" in {each.code for each in checking.check("bulkhead", reach=False).diagnostics}
+    assert "K001" in {
+        each.code for each in domain_check.check_domain_files("bulkhead", reach=False).diagnostics
+    }
 
 
 @pytest.mark.parametrize("key", ["model", "urdf"])

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.kb.asp import ground_term, term
+from cellwright.kb.asp import ground_term, term_of_symbol
 from cellwright.kb.plain_terms import plain_terms
-from cellwright.kb.syntax import ExpressionError, _parsed, parse
+from cellwright.kb.syntax import ExpressionError, _parse_by_grammar, parse_expression
 from cellwright.kb.terms import Function, Number, Variable, is_ground
 
 words = [
@@ -47,12 +47,12 @@ starts = st.sampled_from(["atoms", "atom", "terms", "term", "conditions", "body"
 @given(texts | nested, starts)
 def test_a_quick_reading_is_that_of_the_grammar(text: str, start: str) -> None:
     try:
-        slow = _parsed(start, text, "s", None)
+        slow = _parse_by_grammar(start, text, "s", None)
     except ExpressionError:
         with pytest.raises(ExpressionError):
-            parse(start, text)
+            parse_expression(start, text)
         return
-    quick = parse(start, text)
+    quick = parse_expression(start, text)
     assert quick.value == slow.value
     assert quick.places == slow.places
 
@@ -61,7 +61,7 @@ def test_a_quick_reading_is_that_of_the_grammar(text: str, start: str) -> None:
 def test_a_quick_reading_is_that_of_clingo(text: str) -> None:
     plain = plain_terms(text)
     if plain is not None and len(plain) == 1 and is_ground(plain[0]):
-        assert term(clingo.parse_term(text)) == plain[0]
+        assert term_of_symbol(clingo.parse_term(text)) == plain[0]
         assert ground_term(text) == plain[0]
 
 

@@ -13,12 +13,12 @@ from cellwright.kb.terms import (
     Term,
     Variable,
     is_ground,
-    match,
-    resolve,
-    substitute,
+    match_term,
+    resolve_term,
     substitute_atom,
+    substitute_term,
+    term_variables,
     unify,
-    variables,
 )
 
 leaves = st.one_of(
@@ -47,24 +47,24 @@ sums = st.recursive(
     ),
 )
 def test_a_pattern_matches_each_of_its_instances(pattern: Term, bindings: dict[Variable, Term]) -> None:
-    instance = substitute(pattern, bindings)
-    found = match(pattern, instance, {})
+    instance = substitute_term(pattern, bindings)
+    found = match_term(pattern, instance, {})
     assert found is not None
-    assert substitute(pattern, found) == instance
+    assert substitute_term(pattern, found) == instance
 
 
 @given(terms, ground_terms)
 def test_unification_with_a_ground_term_is_matching(pattern: Term, ground: Term) -> None:
-    matched, unified = match(pattern, ground, {}), unify(pattern, ground, {})
+    matched, unified = match_term(pattern, ground, {}), unify(pattern, ground, {})
     assert (matched is None) == (unified is None)
     if unified is not None:
-        assert resolve(pattern, unified) == ground
+        assert resolve_term(pattern, unified) == ground
 
 
 def test_anything_matches_twice_with_different_values() -> None:
     pair = Function("f", (Function("a"), Function("b")))
-    assert match(Function("f", (ANYTHING, ANYTHING)), pair, {}) == {}
-    assert match(Function("f", (Variable("X"), Variable("X"))), pair, {}) is None
+    assert match_term(Function("f", (ANYTHING, ANYTHING)), pair, {}) == {}
+    assert match_term(Function("f", (Variable("X"), Variable("X"))), pair, {}) is None
 
 
 @given(ground_terms)
@@ -82,13 +82,13 @@ def test_a_term_that_was_hashed_is_still_the_same_value(term: Term) -> None:
 def test_a_term_in_which_nothing_is_replaced_stays_the_same_one(
     term: Term, bindings: dict[Variable, Term]
 ) -> None:
-    replaced = substitute(term, bindings)
+    replaced = substitute_term(term, bindings)
     assert (replaced is term) == (replaced == term)
 
 
 @given(sums)
 def test_a_term_is_ground_if_it_has_no_variable(term: Term) -> None:
-    assert is_ground(term) == is_ground(term) == (next(variables(term), None) is None)
+    assert is_ground(term) == is_ground(term) == (next(term_variables(term), None) is None)
 
 
 @given(terms, st.dictionaries(st.sampled_from([Variable(name) for name in "XYZ"]), ground_terms))
@@ -97,5 +97,5 @@ def test_an_atom_in_which_nothing_is_replaced_stays_itself(
 ) -> None:
     atom = Function("p", (term, Number(1)))
     made = substitute_atom(atom, bindings)
-    assert (made is atom) == bindings.keys().isdisjoint(variables(atom))
-    assert is_ground(made) == (set(variables(atom)) <= bindings.keys())
+    assert (made is atom) == bindings.keys().isdisjoint(term_variables(atom))
+    assert is_ground(made) == (set(term_variables(atom)) <= bindings.keys())

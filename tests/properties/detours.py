@@ -4,10 +4,10 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cellwright.engine.stages.validation import findings
-from cellwright.engine.stages.validation.semantics import Semantics
-from cellwright.kb.model.plan import Plan, Step
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.stages.validation import plan_findings
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.kb.model.plan_model import Plan, Step
+from cellwright.kb.model.planning_problem import Problem
 
 
 def needless(problem: Problem, plan: Plan, most: int) -> tuple[str, ...]:
@@ -16,11 +16,11 @@ def needless(problem: Problem, plan: Plan, most: int) -> tuple[str, ...]:
     The plan itself has to be accepted in this way.
     """
     semantics, steps = Semantics(problem), plan.steps
-    assert not findings(semantics, one_by_one(steps))
+    assert not plan_findings(semantics, one_by_one(steps))
     for count in range(1, most + 1):
         for chosen in itertools.combinations(steps, count):
             rest = [step for step in steps if step not in chosen]
-            if not findings(semantics, one_by_one(rest)):
+            if not plan_findings(semantics, one_by_one(rest)):
                 return tuple(str(step.operator) for step in chosen)
     return ()
 

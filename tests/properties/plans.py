@@ -4,11 +4,11 @@ import dataclasses
 
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.model.conditions import And, Literal
-from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.terms import Function, Term, substitute
+from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, CausalLink, Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.terms import Function, Term, substitute_term
 from tests.properties.problems import CONSTANTS, problems, successors
 
 FAMILIES = st.one_of(problems(), problems(conditional=True), problems(deductive=True))
@@ -41,7 +41,7 @@ def _step(draw: st.DrawFn, semantics: Semantics, number: int, operator: Function
     before = [StepId(each) for each in range(1, number) if draw(st.integers(0, 2))]
     schema = semantics.operators[operator.name]
     bindings = dict(zip(schema.variables, operator.arguments, strict=True))
-    held = [substitute(each, bindings) for each in schema.resources]
+    held = [substitute_term(each, bindings) for each in schema.resources]
     if held and not draw(st.integers(0, 9)):
         held.pop()
     held += draw(st.lists(st.sampled_from(MORE), max_size=1)) if not draw(st.integers(0, 3)) else []
@@ -49,7 +49,7 @@ def _step(draw: st.DrawFn, semantics: Semantics, number: int, operator: Function
 
 
 def _links(count: int) -> st.SearchStrategy[CausalLink]:
-    producer = st.integers(START, count).map(StepId)
-    consumer = st.sampled_from([GOAL, *(StepId(each) for each in range(1, count + 1))])
+    producer = st.integers(INITIAL_STEP, count).map(StepId)
+    consumer = st.sampled_from([GOAL_STEP, *(StepId(each) for each in range(1, count + 1))])
     negated = st.sampled_from(ATOMS).map(lambda each: Function("not", (each,)))
     return st.builds(CausalLink, producer, st.sampled_from(ATOMS) | negated, consumer)

@@ -10,11 +10,21 @@ from collections.abc import Iterator
 
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.changes import State
-from cellwright.engine.stages.validation.datalog import holds
-from cellwright.engine.stages.validation.semantics import Semantics
-from cellwright.kb.model.conditions import TRUE, And, Condition, Exists, ForAll, Literal, Not, Or, Parameter
-from cellwright.kb.model.domain import (
+from cellwright.engine.stages.validation.condition_solving import condition_holds
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.engine.stages.validation.step_changes import State
+from cellwright.kb.model.conditions import (
+    ALWAYS_TRUE,
+    And,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+)
+from cellwright.kb.model.domain_model import (
     Consequence,
     DeductiveOperator,
     Domain,
@@ -25,7 +35,7 @@ from cellwright.kb.model.domain import (
     Rule,
     Type,
 )
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Term, Variable
 
 X, Y = Variable("X"), Variable("Y")
@@ -158,7 +168,7 @@ def successors(semantics: Semantics, problem: Problem, state: State) -> Iterator
     for operator in problem.domain.operators:
         for values in itertools.product(CONSTANTS, repeat=len(operator.parameters)):
             bindings = dict(zip(operator.variables, values, strict=True))
-            if holds(operator.precondition, facts, bindings):
+            if condition_holds(operator.precondition, facts, bindings):
                 change = semantics.change(operator, bindings, facts, state)
                 yield Function(operator.name, values), (state - change.ends) | change.adds
 
@@ -171,7 +181,7 @@ def shortest(problem: Problem) -> int | None:
     queue = deque([start])
     while queue:
         state = queue.popleft()
-        if problem.goal == TRUE or holds(problem.goal, semantics.facts(state), {}):
+        if problem.goal == ALWAYS_TRUE or condition_holds(problem.goal, semantics.facts(state), {}):
             return depth[state]
         for _, following in successors(semantics, problem, state):
             if following not in depth:

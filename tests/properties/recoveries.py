@@ -5,27 +5,30 @@ import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from cellwright.engine.model.cases import Diagnosis, Hypothesis
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.troubleshooting import Action, Advice
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.barring import barred
-from cellwright.engine.pipelines.revision import remaining
-from cellwright.engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
-from cellwright.engine.pipelines.troubleshooting.beliefs import Beliefs
-from cellwright.engine.pipelines.troubleshooting.findings import Findings
-from cellwright.engine.pipelines.troubleshooting.given import moment
-from cellwright.engine.stages.diagnosis.knowledge import CURED, Objective
-from cellwright.engine.stages.diagnosis.session import QUESTION, run
+from cellwright.engine.model.troubleshooting import Action, CaseAdvice, CaseDiagnosis, CaseHypothesis
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.restrictions import forbid_steps
+from cellwright.engine.pipelines.recovery.case_beliefs import CaseBeliefs
+from cellwright.engine.pipelines.recovery.case_findings import CaseFindings
+from cellwright.engine.pipelines.recovery.case_input import exception_moment
+from cellwright.engine.pipelines.recovery.diagnosis_case import (
+    CaseSettings,
+    DiagnosisCase,
+    RecoveryResult,
+    case_from_settings,
+)
+from cellwright.engine.pipelines.recovery.plan_revision import remaining_problem
+from cellwright.engine.stages.diagnosis.case_session import QUESTION, run_session
+from cellwright.engine.stages.diagnosis.fault_problems import CURED, CaseObjective
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.stages.validation.condition_solving import condition_holds
 from cellwright.kb.asp import ground_term
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.conditions import TRUE, And, Literal, goal_parts
-from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
-from cellwright.kb.model.plan import Plan, Step
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.model.workflow import lasting
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.conditions import ALWAYS_TRUE, And, Literal, goal_parts
+from cellwright.kb.model.fault_model import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.kb.model.plan_model import Plan, Step
+from cellwright.kb.model.planning_problem import Problem, final_stages
 from cellwright.kb.terms import ANYTHING, Atom, Function
 from tests.places import BUNDLED
 from tests.properties.true_world import TrueWorld
@@ -45,25 +48,25 @@ class Ended:
     """A case that has come to its end, in the belief and in truth."""
 
     work: Work
-    desk: Desk
-    made: Diagnosis
+    desk: DiagnosisCase
+    made: CaseDiagnosis
     world: TrueWorld
 
     @property
-    def findings(self) -> Findings:
+    def findings(self) -> CaseFindings:
         assert self.desk.beliefs is not None
-        return Findings(self.desk.beliefs, self.made)
+        return CaseFindings(self.desk.beliefs, self.made)
 
 
 @functools.cache
 def work(name: str) -> Work:
     """Work in which every exception of a fault base can happen."""
-    problem = planning.problem_of(name)
+    problem = checked_plan.problem_of(name)
     if name == "themse/one":  # the drawer is closed, too
         closed = ground_term("position(drawer, closed)")
         assert isinstance(closed, Function)
         problem = replace(problem, goal=And((Literal(closed),)))
-    found = planning.plan(problem)
+    found = checked_plan.plan_problem(problem)
     assert isinstance(found, Found)
     return Work(problem, found.plan, faults(name))
 
@@ -80,17 +83,19 @@ def interruptions(given: Work, exception: str) -> list[Step]:
     return [each for each in given.plan.steps if operator and each.operator.name == operator.name]
 
 
-def case(given: Work, exception: str, step: Step, hidden: str, objective: Objective, seed: int = 0) -> Ended:
+def case(
+    given: Work, exception: str, step: Step, hidden: str, objective: CaseObjective, seed: int = 0
+) -> Ended:
     """One case, tests and repairs carried out in the true world."""
     done = [each.id for each in given.plan.steps[: given.plan.steps.index(step)]]
-    then = moment(given.problem, step.operator, given.plan, done)
-    asked = Opened(given.model, exception, step.operator, objective, expansions=2_000, setup=False)
-    desk = opened(asked, given.problem.domain, then)
+    then = exception_moment(given.problem, step.operator, given.plan, done)
+    asked = CaseSettings(given.model, exception, step.operator, objective, expansions=2_000, setup=False)
+    desk = case_from_settings(asked, given.problem.domain, then)
     beliefs = desk.beliefs
-    assert isinstance(beliefs, Beliefs)
-    world = TrueWorld(beliefs.cell, then.before, Hypothesis((hidden,)), random.Random(seed))
+    assert isinstance(beliefs, CaseBeliefs)
+    world = TrueWorld(beliefs.cell, then.before, CaseHypothesis((hidden,)), random.Random(seed))
 
-    def answer(action: Action, _: Advice) -> str:
+    def answer(action: Action, _: CaseAdvice) -> str:
         if action.name == QUESTION:
             return hidden if hidden in action.outcomes else action.outcomes[-1]
         prepared = desk.session.prepared
@@ -98,10 +103,10 @@ def case(given: Work, exception: str, step: Step, hidden: str, objective: Object
             world.take(each.operator)  # what cannot be taken there changes nothing
         return world.carry_out(action.name)
 
-    return Ended(given, desk, run(desk.session, answer), world)
+    return Ended(given, desk, run_session(desk.session, answer), world)
 
 
-def carried_out(ended: Ended, recovery: Recovery) -> str:
+def carried_out(ended: Ended, recovery: RecoveryResult) -> str:
     """What goes wrong when the recovery is carried out in the true world; nothing if it reaches what it promises."""
     if not isinstance(recovery.outcome, Found):
         return ""
@@ -113,40 +118,40 @@ def carried_out(ended: Ended, recovery: Recovery) -> str:
     return wrong or "; ".join(missing(ended, recovery))
 
 
-def within_reach(ended: Ended, recovery: Recovery) -> Iterator[str]:
+def within_reach(ended: Ended, recovery: RecoveryResult) -> Iterator[str]:
     """The goals given up that could be reached from the true state beside the causes that are still there."""
     world, problem = ended.world, ended.work.problem
     lost = {str(term) for cause in world.present for term in world.cell.lost(cause)}
     if world.helped:
         lost |= {str(term) for term in world.cell.given_up(world.cell.model.repairs[world.helped])}
     blocked = [step for cause in world.present for step in world.cell.blocked(cause)]
-    left = remaining(problem, world.state.reached, world.state.facts)
+    left = remaining_problem(problem, world.state.reached, world.state.facts)
     given_up = {
         each.goal for each in recovery.given_up if not each.why.startswith(("it comes after", "not tog"))
     }
     wanted = [(str(part), part, ()) for part in goal_parts(left.goal)]
     for chain in left.chains:
         cuts = (replace(chain, stages=chain.stages[: n + 1], after=()) for n in range(len(chain.stages)))
-        wanted += [(f"{cut.stages[-1]} of {chain.name}", TRUE, (cut,)) for cut in cuts]
+        wanted += [(f"{cut.stages[-1]} of {chain.name}", ALWAYS_TRUE, (cut,)) for cut in cuts]
     for name, goal, chains in wanted:
         if name in given_up:
-            alone = barred(replace(left, goal=goal, chains=chains), lost, blocked)
-            if isinstance(planning.plan(alone), Found):
+            alone = forbid_steps(replace(left, goal=goal, chains=chains), lost, blocked)
+            if isinstance(checked_plan.plan_problem(alone), Found):
                 yield name
 
 
-def missing(ended: Ended, recovery: Recovery) -> Iterator[str]:
+def missing(ended: Ended, recovery: RecoveryResult) -> Iterator[str]:
     """The goals of the whole problem that are neither reached nor given up."""
     world, problem = ended.world, ended.work.problem
     given_up = [each.goal for each in recovery.given_up]
     facts = world.cell.dynamics.semantics.facts(world.state.facts)
     parts = problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,)
-    yield from (str(p) for p in parts if not holds(p, facts, {}) and str(p) not in given_up)
+    yield from (str(p) for p in parts if not condition_holds(p, facts, {}) and str(p) not in given_up)
     for chain in problem.chains:
         left = chain.stages[world.state.reached[chain.name] :]
         yield from (str(s) for s in left if f"{s} of {chain.name}" not in given_up)
     stages = {chain.name: chain.stages[-1] for chain in problem.chains}
-    for name, last in lasting(problem.chains, problem.domain).items():
+    for name, last in final_stages(problem.chains, problem.domain).items():
         said = f"{stages[name]} of {name}"
         if said not in given_up and not all(each in facts for each in last):
             yield f"{said} at the end"

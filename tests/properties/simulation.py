@@ -7,12 +7,12 @@ come. While it lasts it holds its resources alone (language, Meaning 8 and 9).
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from cellwright.engine.stages.validation.changes import State
-from cellwright.engine.stages.validation.datalog import holds
-from cellwright.engine.stages.validation.semantics import Semantics
-from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.terms import Function, substitute
+from cellwright.engine.stages.validation.condition_solving import condition_holds
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.engine.stages.validation.step_changes import State
+from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, CausalLink, Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.terms import Function, substitute_term
 
 
 @dataclass(frozen=True)
@@ -70,19 +70,19 @@ class Simulation:
             return f"two steps hold the same: {held}"
         for each in now.running:
             operator, bindings = self._bound(self.steps[each])
-            if not holds(operator.precondition, facts, bindings):
+            if not condition_holds(operator.precondition, facts, bindings):
                 return f"the precondition of step {each} does not hold while it lasts"
-            if {substitute(r, bindings) for r in operator.resources} - set(self.steps[each].resources):
+            if {substitute_term(r, bindings) for r in operator.resources} - set(self.steps[each].resources):
                 return f"step {each} does not hold what it needs"
-        if len(now.ended) == len(self.steps) and not holds(self.problem.goal, facts, {}):
+        if len(now.ended) == len(self.steps) and not condition_holds(self.problem.goal, facts, {}):
             return "the goal does not hold at the end"
         return next((f"{link} is broken" for link in self.plan.links if self._broken(link, now)), "")
 
     def _broken(self, link: CausalLink, now: Moment) -> bool:
         """Whether a link's condition is false although its producer has ended and its consumer has not."""
         begun = link.consumer in now.running
-        whole = link.consumer == GOAL and len(now.ended) == len(self.steps)
-        if link.producer not in now.ended and link.producer != START:
+        whole = link.consumer == GOAL_STEP and len(now.ended) == len(self.steps)
+        if link.producer not in now.ended and link.producer != INITIAL_STEP:
             return begun or whole
         negative = link.condition.name == "not"
         atom = link.condition.arguments[0] if negative else link.condition

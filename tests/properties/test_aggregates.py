@@ -9,13 +9,13 @@ import clingo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.task import Task
+from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.macros.lifted.facts import Facts as LiftedFacts
-from cellwright.engine.stages.macros.lifted.world import CellDomain, with_derived
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.lifted.cell_domain import CellDomain, with_derived
+from cellwright.engine.stages.lifted.fact_queries import FactSet as LiftedFacts
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.loader import load
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function
 
 DOMAIN = """
@@ -84,7 +84,7 @@ def by_clingo(text: str, state: list[Atom]) -> set[str]:
     return {str(each.symbol) for each in control.symbolic_atoms.by_signature("fits", 1) if each.is_fact}
 
 
-def in_task(task: Task, state: list[Atom]) -> set[str]:
+def in_task(task: GroundTask, state: list[Atom]) -> set[str]:
     """The atoms of `fits` in a ground task, in which they are conditions of goals or stay as axioms."""
     assert task.axioms is not None
     true = set(state)
@@ -102,8 +102,8 @@ def test_all_agree_on_an_aggregate(text: str, alone: bool, chance: random.Random
     with TemporaryDirectory() as folder:
         given = problem(text, alone, folder)
         with (
-            patch("cellwright.engine.stages.grounding.derived.MAX_SUPPORTS", 0),
-            patch("cellwright.engine.stages.grounding.derived.LEAST", 0),
+            patch("cellwright.engine.stages.grounding.derived_atoms.MAX_SUPPORTS", 0),
+            patch("cellwright.engine.stages.grounding.derived_atoms.MIN_SUPPORTS", 0),
         ):
             task = ground(given)
         semantics, world = Semantics(given), CellDomain(given)

@@ -9,23 +9,27 @@ from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation.culprits import Goal, minimal_goals, only
-from cellwright.engine.stages.validation.changes import State
-from cellwright.engine.stages.validation.datalog import holds
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.pipelines.explanation.unreachable_goals import (
+    GoalOrStage,
+    minimal_goals,
+    with_goals_only,
+)
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.validation.condition_solving import condition_holds
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.engine.stages.validation.step_changes import State
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.conditions import TRUE
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.model.workflow import (
+from cellwright.kb.model.conditions import ALWAYS_TRUE
+from cellwright.kb.model.planning_problem import (
     Listed,
-    begun,
-    holding,
-    in_turn,
-    lasting,
+    Problem,
+    final_stages,
+    initial_progress,
     late_stages,
     next_stages,
-    settled,
+    settle_chains,
+    stage_holds,
+    stages_in_turn,
     too_early,
 )
 from cellwright.kb.terms import Atom
@@ -56,14 +60,16 @@ def following(
     for operator in problem.domain.operators:
         for values in itertools.product(CONSTANTS, repeat=len(operator.parameters)):
             bindings = dict(zip(operator.variables, values, strict=True))
-            if not holds(operator.precondition, facts, bindings):
+            if not condition_holds(operator.precondition, facts, bindings):
                 continue
             change = semantics.change(operator, bindings, facts, state)
             after = (state - change.ends) | change.adds
             for moved in readings(problem, counts, change.events):
-                found = settled(problem.chains, dict(zip(names, moved, strict=True)), holding(Listed(after)))
-                turn = in_turn(problem.chains, before, found)
-                if too_early(late, change.adds, holding(Listed(state)), turn) is None:
+                found = settle_chains(
+                    problem.chains, dict(zip(names, moved, strict=True)), stage_holds(Listed(after))
+                )
+                turn = stages_in_turn(problem.chains, before, found)
+                if too_early(late, change.adds, stage_holds(Listed(state)), turn) is None:
                     yield after, tuple(found[name] for name in names)
 
 
@@ -71,7 +77,7 @@ def reachable(problem: Problem) -> bool:
     """Whether breadth-first search over states and counters of chains reaches the goals."""
     semantics = Semantics(problem)
     start = semantics.initial()
-    counts = begun(problem.chains, holding(Listed(start)))
+    counts = initial_progress(problem.chains, stage_holds(Listed(start)))
     first = (start, tuple(counts[chain.name] for chain in problem.chains))
     seen, queue = {first}, deque([first])
     while queue:
@@ -88,8 +94,8 @@ def reachable(problem: Problem) -> bool:
 def ended(problem: Problem, semantics: Semantics, state: State, reached: Counts) -> bool:
     """Whether the goals hold, and each wanted chain has come to its end."""
     whole = all(n == len(c.stages) or not c.wanted for c, n in zip(problem.chains, reached, strict=True))
-    lasts = (last for own in lasting(problem.chains, problem.domain).values() for last in own)
-    met = problem.goal == TRUE or holds(problem.goal, semantics.facts(state), {})
+    lasts = (last for own in final_stages(problem.chains, problem.domain).values() for last in own)
+    met = problem.goal == ALWAYS_TRUE or condition_holds(problem.goal, semantics.facts(state), {})
     return whole and met and all(last in state for last in lasts)
 
 
@@ -101,7 +107,7 @@ def test_a_problem_with_chains_that_may_stay_open_has_a_plan_exactly_if_brute_fo
     chains = tuple(replace(each, wanted=own) for each, own in zip(problem.chains, wanted, strict=True))
     problem = replace(problem, chains=chains)
     try:
-        found = planning.plan(problem)
+        found = checked_plan.plan_problem(problem)
     except InvalidInput:
         assume(False)
     event(f"{type(found).__name__}, wanted {sum(wanted)}")
@@ -112,11 +118,14 @@ def test_a_problem_with_chains_that_may_stay_open_has_a_plan_exactly_if_brute_fo
 @DILIGENT
 def test_goals_named_as_out_of_reach_are_so_and_each_part_of_them_is_not(problem: Problem) -> None:
     try:
-        assume(isinstance(planning.plan(problem), Infeasible))
+        assume(isinstance(checked_plan.plan_problem(problem), Infeasible))
     except InvalidInput:
         assume(False)
-    goals: list[Goal] = minimal_goals(problem, lambda each: not reachable(each))
+    goals: list[GoalOrStage] = minimal_goals(problem, lambda each: not reachable(each))
     event(f"{len(goals)} goals")
-    assert isinstance(planning.plan(only(problem, goals)), Infeasible)
+    assert isinstance(checked_plan.plan_problem(with_goals_only(problem, goals)), Infeasible)
     for left_out in goals if len(goals) > 1 else ():
-        assert isinstance(planning.plan(only(problem, [g for g in goals if g is not left_out])), Found)
+        assert isinstance(
+            checked_plan.plan_problem(with_goals_only(problem, [g for g in goals if g is not left_out])),
+            Found,
+        )

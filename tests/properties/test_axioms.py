@@ -9,21 +9,21 @@ from unittest.mock import patch
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.pddl import read_pddl
-from cellwright.engine.formats.interop.pddl.export import export
+from cellwright.engine.formats.interop.pddl import read_pddl_task
+from cellwright.engine.formats.interop.pddl.export import pddl_text_of
 from cellwright.engine.kernels.bits import bitset, indices
-from cellwright.engine.model.axioms import Axiom, Axioms
+from cellwright.engine.model.ground_axioms import Axioms, GroundAxiom
+from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
-from cellwright.engine.model.task import Task
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits, plan
-from cellwright.engine.stages.validation.datalog import solve
-from cellwright.engine.stages.validation.derivation import Derivation
-from cellwright.engine.stages.validation.facts import Facts
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.planning import SearchLimits, plan_task
+from cellwright.engine.stages.validation.checker_facts import CheckerFacts
+from cellwright.engine.stages.validation.condition_solving import solve_conditions
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.engine.stages.validation.rule_derivation import RuleDerivation
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, substitute_atom
 from tests.properties.problems import problems, shortest
 
@@ -35,13 +35,13 @@ DILIGENT = settings(max_examples=40, deadline=None, suppress_health_check=list(H
 def layered() -> Iterator[None]:
     """No derived atom is replaced by its definition."""
     with (
-        patch("cellwright.engine.stages.grounding.derived.MAX_SUPPORTS", 0),
-        patch("cellwright.engine.stages.grounding.derived.LEAST", 0),
+        patch("cellwright.engine.stages.grounding.derived_atoms.MAX_SUPPORTS", 0),
+        patch("cellwright.engine.stages.grounding.derived_atoms.MIN_SUPPORTS", 0),
     ):
         yield
 
 
-def grounded(problem: Problem) -> Task:
+def grounded(problem: Problem) -> GroundTask:
     try:
         with layered():
             return ground(problem)
@@ -56,7 +56,7 @@ def test_a_search_over_derived_atoms_agrees_with_brute_force(problem: Problem, s
     """The plan is also one for the checker, with causal links of fluents only: `planning.plan` has it checked."""
     try:
         with layered():
-            outcome = planning.plan(problem, Limits(strategy=strategy))
+            outcome = checked_plan.plan_problem(problem, SearchLimits(strategy=strategy))
     except InvalidInput:
         assume(False)
     length = shortest(problem)
@@ -89,7 +89,7 @@ def test_derived_atoms_are_true_where_the_checker_says_so(problem: Problem) -> N
 def test_strategies_that_need_definitions_say_so(problem: Problem) -> None:
     task = grounded(problem)
     assume(task.axioms is not None and task.goals)
-    outcome = plan(task, Limits(strategy="backward"))
+    outcome = plan_task(task, SearchLimits(strategy="backward"))
     assert isinstance(outcome, GaveUp)
     assert "forward" in outcome.reason
 
@@ -97,12 +97,12 @@ def test_strategies_that_need_definitions_say_so(problem: Problem) -> None:
 @given(problems())
 @settings(DILIGENT, max_examples=20)
 def test_the_ground_export_keeps_the_rules(problem: Problem) -> None:
-    text = export(problem, grounded(problem), lifted=False)
+    text = pddl_text_of(problem, grounded(problem), lifted=False)
     with TemporaryDirectory() as folder:
         domain, task = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
         domain.write_text(text.domain)
         task.write_text(text.problem)
-        outcome = planning.plan(read_pddl(domain, task).problem)
+        outcome = checked_plan.plan_problem(read_pddl_task(domain, task).problem)
     length = shortest(problem)
     assert isinstance(outcome, Infeasible if length is None else Found)
 
@@ -117,7 +117,7 @@ def axioms(draw: st.DrawFn) -> Axioms:
         own = [n for n, other in layers.items() if other <= layer]
         below = [n + 5 for n, other in layers.items() if other < layer]
         body = st.sets(st.sampled_from([*range(8), *own, *below]), max_size=3)
-        rules += [Axiom(head, bitset(each)) for each in draw(st.lists(body, max_size=3))]
+        rules += [GroundAxiom(head, bitset(each)) for each in draw(st.lists(body, max_size=3))]
     return Axioms(18, tuple(rules), layers, complements)
 
 
@@ -163,16 +163,20 @@ def test_instances_of_rules_derive_what_plain_repetition_derives(
 ) -> None:
     semantics = Semantics(problem)
     dynamic = {"p", "q", "r", "d", "e"}
-    derivation = Derivation(semantics.strata, semantics.statics, dynamic)
+    derivation = RuleDerivation(semantics.strata, semantics.statics, dynamic)
     things = [Atom("a"), Atom("b")]
     every = [Atom("r"), *(Atom(name, (thing,)) for name in ("p", "q") for thing in things)]
     for _ in range(3):
         state = data.draw(st.sets(st.sampled_from(every)))
-        found, plain = (Facts((), Facts(state, semantics.statics)) for _ in range(2))
+        found, plain = (CheckerFacts((), CheckerFacts(state, semantics.statics)) for _ in range(2))
         derivation.add(found)
         for rules in semantics.strata:
             while any(
-                [plain.add(substitute_atom(r.head, b)) for r in rules for b in list(solve(r.body, plain, {}))]
+                [
+                    plain.add(substitute_atom(r.head, b))
+                    for r in rules
+                    for b in list(solve_conditions(r.body, plain, {}))
+                ]
             ):
                 pass
         assert {*found.named("d"), *found.named("e")} == {*plain.named("d"), *plain.named("e")}

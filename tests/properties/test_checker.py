@@ -5,14 +5,14 @@ import dataclasses
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.stages.validation import validate
-from cellwright.engine.stages.validation.changes import State
-from cellwright.engine.stages.validation.datalog import holds
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.engine.stages.validation.condition_solving import condition_holds
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.engine.stages.validation.step_changes import State
 from cellwright.kb.model.conditions import And
-from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, in_sequence
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, CausalLink, Plan, full_order
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function
 from tests.properties.plans import ATOMS, posed
 from tests.properties.problems import CONSTANTS, conditions, problems, successors
@@ -25,7 +25,7 @@ MANY = settings(max_examples=50, deadline=None, suppress_health_check=list(Healt
 @MANY
 def test_what_the_checker_accepts_goes_well_in_every_order_and_overlap(given: tuple[Problem, Plan]) -> None:
     problem, plan = given
-    if not validate(problem, plan):
+    if not validate_plan(problem, plan):
         assert Simulation(problem, plan).fails() == ""
 
 
@@ -34,16 +34,16 @@ def test_what_the_checker_accepts_goes_well_in_every_order_and_overlap(given: tu
 def test_of_a_sequence_the_checker_says_what_the_simulation_says(
     given: tuple[Problem, Plan], goal: And
 ) -> None:
-    problem, plan = dataclasses.replace(given[0], goal=goal), in_sequence(Plan(given[1].steps))
-    contradicts = any("both adds and denies" in each.message for each in validate(problem, plan))
-    assert contradicts or bool(validate(problem, plan)) == bool(Simulation(problem, plan).fails())
+    problem, plan = dataclasses.replace(given[0], goal=goal), full_order(Plan(given[1].steps))
+    contradicts = any("both adds and denies" in each.message for each in validate_plan(problem, plan))
+    assert contradicts or bool(validate_plan(problem, plan)) == bool(Simulation(problem, plan).fails())
 
 
 @given(posed())
 @MANY
 def test_links_of_a_sequence_are_refused_only_if_they_break(given: tuple[Problem, Plan]) -> None:
-    problem, plan = given[0], in_sequence(given[1])
-    found = {each.code for each in validate(problem, plan)}
+    problem, plan = given[0], full_order(given[1])
+    found = {each.code for each in validate_plan(problem, plan)}
     fails = Simulation(problem, Plan(plan.steps)).fails()
     if not fails and found == {"K504"}:
         assert any(not _needless(problem, plan, each) for each in plan.links)
@@ -60,16 +60,16 @@ def test_a_checker_that_knows_the_cell_finds_what_a_new_one_finds(
         state = tuple(sorted(data.draw(st.sets(st.sampled_from(ATOMS))), key=str))
         other = dataclasses.replace(problem, initial=state, complete=data.draw(st.booleans()))
         tried = Plan(tuple(data.draw(st.permutations(plan.steps))), plan.links)
-        assert gate.findings(other, tried) == validate(other, tried)
+        assert gate.findings(other, tried) == validate_plan(other, tried)
 
 
 def _needless(problem: Problem, plan: Plan, link: CausalLink) -> bool:
     """Whether a link of a sequence is kept and its producer adds, or denies, what it promises."""
     states = _states(problem, plan)
     places = {
-        START: 0,
+        INITIAL_STEP: 0,
         **{step.id: place for place, step in enumerate(plan.steps, 1)},
-        GOAL: len(plan.steps) + 1,
+        GOAL_STEP: len(plan.steps) + 1,
     }
     first, last = places[link.producer], places[link.consumer]
     negative = link.condition.name == "not"
@@ -97,10 +97,10 @@ def test_every_state_lies_between_its_bounds(problem: Problem, data: st.DataObje
     lower, upper = semantics.bounds(certain, possible)
     facts = semantics.facts(state)
     condition = data.draw(conditions(CONSTANTS))
-    if holds(condition, lower, {}, upper):
-        assert holds(condition, facts, {})
+    if condition_holds(condition, lower, {}, upper):
+        assert condition_holds(condition, facts, {})
     derived = [Function("d", (each,)) for each in CONSTANTS] + [Function("e")]
     for atom in (*ATOMS, *derived):
         assert (atom in lower) <= (atom in facts) <= (atom in upper)
     if certain == possible:
-        assert holds(condition, lower, {}, upper) == holds(condition, facts, {})
+        assert condition_holds(condition, lower, {}, upper) == condition_holds(condition, facts, {})

@@ -5,20 +5,25 @@ import itertools
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from cellwright.engine.model.ground_task import GroundOperator, GroundTask, progress_state
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.model.task import GroundOperator, Task, progress
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import STRATEGIES, Limits, Macros, plan
-from cellwright.engine.stages.planning.composites import Joins, Pattern, composed
-from cellwright.engine.stages.planning.effort import Effort
-from cellwright.engine.stages.planning.forward.search import forward
-from cellwright.engine.stages.planning.forward.suggestions import Suggestions
-from cellwright.engine.stages.planning.regression.mutexes import mutexes
-from cellwright.engine.stages.planning.regression.searches import BestFirst
-from cellwright.engine.stages.planning.regression.space import Backward, Regression
+from cellwright.engine.stages.planning import STRATEGIES, Macros, SearchLimits, plan_task
+from cellwright.engine.stages.planning.composites import Pattern, PatternJoins, compose_operators
+from cellwright.engine.stages.planning.forward.forward_search import (
+    CompositeSuggestions,
+    start_forward_search,
+)
+from cellwright.engine.stages.planning.regression.backward_search import (
+    BackwardSpace,
+    BestFirstRegression,
+    Regression,
+)
+from cellwright.engine.stages.planning.regression.mutex_pairs import find_mutexes
+from cellwright.engine.stages.planning.search_control import Effort
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.terms import Function, Term, Variable, match
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.terms import Function, Term, Variable, match_term
 from tests.properties.problems import problems, shortest
 
 DILIGENT = settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
@@ -48,17 +53,17 @@ patterns = st.lists(
 def test_a_composite_does_what_its_parts_do_in_turn_and_needs_what_they_need(
     parts: list[GroundOperator], state: int
 ) -> None:
-    whole, reached = composed(parts), state
+    whole, reached = compose_operators(parts), state
     for part in parts:
         if part.preconditions & ~reached:
             assert whole is None or whole.preconditions & ~state
             return
-        reached = progress(reached, part)
+        reached = progress_state(reached, part)
     if whole is None:
         assert reached & ~state == 0  # nothing is gained
         return
     assert whole.preconditions & ~state == 0
-    assert progress(state, whole) == reached
+    assert progress_state(state, whole) == reached
     assert whole.cost == sum(part.cost for part in parts)
 
 
@@ -70,10 +75,10 @@ def test_joins_find_what_matching_all_sequences_finds(
     for numbers in itertools.permutations(range(len(operators)), len(pattern)):
         bindings: dict[Variable, Term] | None = {}
         for step, number in zip(pattern, numbers, strict=True):
-            bindings = None if bindings is None else match(step, operators[number].instance, bindings)
+            bindings = None if bindings is None else match_term(step, operators[number].instance, bindings)
         slow += [] if bindings is None else [(0, numbers)]
     everything = range(len(operators))
-    assert sorted(Joins(operators, [pattern]).sequences(everything, everything)) == slow
+    assert sorted(PatternJoins(operators, [pattern]).sequences(everything, everything)) == slow
 
 
 @given(st.lists(ground_operators, max_size=5), patterns, sets)
@@ -81,17 +86,17 @@ def test_suggested_composites_are_applicable_and_all_of_the_relaxed_plan(
     operators: list[GroundOperator], pattern: Pattern, state: int
 ) -> None:
     everything = range(len(operators))
-    suggestions = Suggestions(operators, [pattern])
+    suggestions = CompositeSuggestions(operators, [pattern])
     for number in suggestions.suggested(state, everything, everything):
         reached = state
         for part in suggestions.unfolded(number):
             assert part.preconditions & ~reached == 0
-            reached = progress(reached, part)
-        assert progress(state, suggestions.operators[number]) == reached
+            reached = progress_state(reached, part)
+        assert progress_state(state, suggestions.operators[number]) == reached
         assert suggestions.pattern(number) == pattern
 
 
-def _task(problem: Problem) -> Task:
+def _task(problem: Problem) -> GroundTask:
     try:
         task = ground(problem)
     except InvalidInput:
@@ -99,7 +104,7 @@ def _task(problem: Problem) -> Task:
     return task
 
 
-def _chosen(task: Task, data: st.DataObject) -> Macros:
+def _chosen(task: GroundTask, data: st.DataObject) -> Macros:
     """Sequences of the task's own operators, some of their arguments made variables."""
     assume(task.operators)
     found = []
@@ -131,7 +136,7 @@ def test_the_planner_with_macrops_agrees_with_brute_force_on_solvability(
     macros = _chosen(task, data)
     for strategy in ("auto", "backward", "forward", "landmarks"):
         assert strategy in STRATEGIES
-        outcome = plan(task, Limits(strategy=strategy), macros)
+        outcome = plan_task(task, SearchLimits(strategy=strategy), macros)
         if shortest(problem) is None:
             assert isinstance(outcome, Infeasible)
         else:
@@ -144,10 +149,13 @@ def test_searches_that_take_composites_return_executable_steps(problem: Problem,
     task = _task(problem)
     assume(len(task.goals) == 1)
     chosen = _chosen(task, data).forward
-    regression = Regression(task.operators, task.weights, mutexes(task))
-    extended = Backward(regression, task.initial).offered(chosen, 1000)
+    regression = Regression(task.operators, task.weights, find_mutexes(task))
+    extended = BackwardSpace(regression, task.initial).offered(chosen, 1000)
     root = extended.root(task.goals[0])
-    searches = [forward(task, 0, patterns=chosen), *([BestFirst(extended, [root], 5)] if root else [])]
+    searches = [
+        start_forward_search(task, 0, patterns=chosen),
+        *([BestFirstRegression(extended, [root], 5)] if root else []),
+    ]
     for search in searches:
         answer = search.run(Effort(10_000))
         assert answer is not None
@@ -155,6 +163,6 @@ def test_searches_that_take_composites_return_executable_steps(problem: Problem,
         state = task.initial
         for step in answer.steps or ():
             assert step.preconditions & ~state == 0
-            state = progress(state, step)
+            state = progress_state(state, step)
         assert answer.steps is None or task.goals[0] & ~state == 0
         assert set(answer.offer.used) <= set(answer.offer.offered) <= set(chosen)

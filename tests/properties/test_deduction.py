@@ -3,8 +3,8 @@
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.task import Bits, bitset, indices
-from cellwright.engine.stages.grounding.closure import Deduction
+from cellwright.engine.kernels.bits import Bits, bitset, indices
+from cellwright.engine.stages.grounding.atom_deduction import Deduction
 from cellwright.kb.asp import Grounder
 
 SIZE = 6

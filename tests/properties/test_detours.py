@@ -7,9 +7,9 @@ import pytest
 from _pytest.mark import ParameterSet
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.stages.diagnosis.knowledge import Objective
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.diagnosis.fault_problems import CaseObjective
+from cellwright.engine.stages.planning import SearchLimits
 from tests.properties.detours import needless
 from tests.properties.recoveries import Ended, case, faults, interruptions, random_work, work
 from tests.properties.test_recovery import NAMES
@@ -35,7 +35,7 @@ def test_recovery_makes_no_detour(name: str, exception: str, cause: str) -> None
     if not steps:
         pytest.skip("no step of this plan ends with this exception: only tests do")
     step = random.Random(f"{name} {exception} {cause}").choice(steps)
-    for objective in Objective:
+    for objective in CaseObjective:
         makes_no_detour(case(work(name), exception, step, cause, objective))
 
 
@@ -43,7 +43,7 @@ def test_recovery_makes_no_detour(name: str, exception: str, cause: str) -> None
 @pytest.mark.parametrize("seed", range(20))
 def test_recovery_makes_no_detour_with_fault_bases_that_nobody_would_write(seed: int) -> None:
     given = random_work(seed)
-    for objective in Objective:
+    for objective in CaseObjective:
         for cause in given.model.causes:
             step = random.Random(f"{seed} {cause}").choice(interruptions(given, "trouble"))
             makes_no_detour(case(given, "trouble", step, cause, objective, seed))
@@ -56,7 +56,7 @@ def makes_no_detour(ended: Ended) -> None:
         return
     plan = recovery.outcome.plan
     assert needless(recovery.problem, plan, 2) == ()
-    least = planning.plan(recovery.problem, Limits(strategy="shortest"))
+    least = checked_plan.plan_problem(recovery.problem, SearchLimits(strategy="shortest"))
     assert isinstance(least, Found)
     if least.optimal:
         assert plan.cost <= least.plan.cost

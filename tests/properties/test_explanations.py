@@ -8,16 +8,25 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.explanation import Amendment, Edit, Explanation
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation import changed, explain
-from cellwright.engine.pipelines.explanation.alike import Alike
-from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.model.plan_explanation import Amendment, Edit, Explanation
+from cellwright.engine.pipelines.explanation import apply_amendment, explain_infeasibility
+from cellwright.engine.pipelines.explanation.helpful_changes import AlikeObjects
+from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.model.conditions import And, BodyPart, Comparison, Exists, Literal
-from cellwright.kb.model.domain import Domain, Effect, Kind, Operator, Predicate
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.terms import Atom, Function, Number, Operation, Term, Variable, exchanged, substitute_atom
+from cellwright.kb.model.domain_model import Domain, Effect, Kind, Operator, Predicate
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.terms import (
+    Atom,
+    Function,
+    Number,
+    Operation,
+    Term,
+    Variable,
+    exchange_subterms,
+    substitute_atom,
+)
 from tests.properties.problems import OBJECTS, ONE_X, TYPES, X, problems, shortest
 
 FLUENTS = [*(Function(name, (Function(each),)) for name in ("p", "q") for each in OBJECTS), Function("r")]
@@ -56,7 +65,7 @@ def check(problem: Problem, explanation: Explanation, wanted: Iterator[Edit], tr
     assert explanation.untried == 0
     assert len(set(advice)) == len(advice)
     for change in explanation.changes:
-        outcome = planning.plan(changed(problem, change))
+        outcome = checked_plan.plan_problem(apply_amendment(problem, change))
         assert isinstance(outcome, Found)
         assert len(outcome.plan.steps) == change.proof
     count = 0
@@ -86,12 +95,12 @@ def goals(problem: Problem) -> list[Atom]:
 @settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
 @given(problem=st.one_of(problems(), problems(conditional=True)))
 def test_every_fluent_that_would_help_at_the_start_is_found(problem: Problem) -> None:
-    explanation = explain(problem)
+    explanation = explain_infeasibility(problem)
     if explanation.status == "infeasible":
         helping = (
             edit
             for edit in single("initial", problem.initial, FLUENTS)
-            if shortest(changed(problem, Amendment((edit,)))) is not None
+            if shortest(apply_amendment(problem, Amendment((edit,)))) is not None
         )
         event(f"{min(check(problem, explanation, helping, goals(problem)), 3)} edits help")
 
@@ -158,12 +167,14 @@ def marked(draw: st.DrawFn) -> Problem:
 @settings(max_examples=25, suppress_health_check=list(HealthCheck), deadline=None)
 @given(problem=marked())
 def test_every_static_that_would_help_is_found_with_the_nearest_number(problem: Problem) -> None:
-    explanation = explain(problem)
+    explanation = explain_infeasibility(problem)
     if explanation.status != "infeasible":
         return
     possible = [*single("static", problem.statics, STATICS), *single("initial", problem.initial, FLUENTS)]
     helping = (
-        edit for edit in possible if isinstance(planning.plan(changed(problem, Amendment((edit,)))), Found)
+        edit
+        for edit in possible
+        if isinstance(checked_plan.plan_problem(apply_amendment(problem, Amendment((edit,)))), Found)
     )
     event(f"{min(check(problem, explanation, helping, goals(problem)), 3)} edits help")
 
@@ -174,7 +185,7 @@ def even(problem: Problem) -> Problem:
     swap: dict[Term, Term] = {one: other, other: one}
 
     def both(facts: tuple[Atom, ...]) -> tuple[Atom, ...]:
-        moved = (exchanged(each, swap) for each in facts)
+        moved = (exchange_subterms(each, swap) for each in facts)
         return tuple(dict.fromkeys((*facts, *(each for each in moved if isinstance(each, Function)))))
 
     return replace(problem, statics=both(problem.statics), initial=both(problem.initial))
@@ -184,9 +195,11 @@ def even(problem: Problem) -> Problem:
 @settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
 @given(problem=marked().map(even))
 def test_of_changes_that_are_alike_but_for_names_all_help_or_none(problem: Problem) -> None:
-    alike, marks = Alike(Space.of(problem, problem.initial)), STATICS[: len(OBJECTS)]
+    alike, marks = AlikeObjects(ProblemSpace.of(problem, problem.initial)), STATICS[: len(OBJECTS)]
     for edit in (*single("initial", problem.initial, FLUENTS), *single("static", problem.statics, marks)):
         images = sorted(alike.images(edit), key=str)
-        answers = {type(planning.plan(changed(problem, Amendment((each,))))) for each in images}
+        answers = {
+            type(checked_plan.plan_problem(apply_amendment(problem, Amendment((each,))))) for each in images
+        }
         assert len(answers) == 1, [*map(str, images)]
         event(f"{len(images)} alike: {answers}")

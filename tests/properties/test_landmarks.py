@@ -9,14 +9,20 @@ from pathlib import Path
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.pddl import read_pddl
-from cellwright.engine.model.task import Bits, GroundOperator, Task, indices, progress
+from cellwright.engine.formats.interop.pddl import read_pddl_task
+from cellwright.engine.kernels.bits import Bits, indices
+from cellwright.engine.model.ground_task import GroundOperator, GroundTask, progress_state
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning.forward.disjunctive import kinds_of
-from cellwright.engine.stages.planning.forward.landmarks import Hints, Landmarks
-from cellwright.engine.stages.planning.forward.orders import Reached, interfering, ordered
+from cellwright.engine.stages.planning.forward.landmarks import (
+    LandmarkHints,
+    Landmarks,
+    ReachingMoment,
+    interfering_pairs,
+    predicate_kinds,
+    reasonable_orders,
+)
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 from tests.properties.problems import problems
 
@@ -66,13 +72,13 @@ def posed(facts: str, goals: str) -> Problem:
         files = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
         for file, content in zip(files, (BLOCKS, text), strict=True):
             file.write_text(content)
-        return read_pddl(*files).problem
+        return read_pddl_task(*files).problem
 
 
 FAMILIES = st.one_of(problems(), blocks())
 
 
-def plain(problem: Problem) -> Task:
+def plain(problem: Problem) -> GroundTask:
     """The ground task of a problem, without conditional effects, derived atoms and alternatives of goals."""
     try:
         task = ground(problem)
@@ -83,11 +89,13 @@ def plain(problem: Problem) -> Task:
     return task
 
 
-def of(task: Task) -> Landmarks:
-    return Landmarks(task.operators, task.initial, task.goals[0], len(task.atoms), hints=Hints.of(task))
+def of(task: GroundTask) -> Landmarks:
+    return Landmarks(
+        task.operators, task.initial, task.goals[0], len(task.atoms), hints=LandmarkHints.of(task)
+    )
 
 
-def transitions(task: Task, landmark: Bits) -> Iterator[tuple[Seen, Bits]]:
+def transitions(task: GroundTask, landmark: Bits) -> Iterator[tuple[Seen, Bits]]:
     """Every transition that can be made from the start, as the state before and the one after. A landmark is one of some atoms."""
     start = task.initial, bool(task.initial & landmark)
     seen, waiting = {start}, [start]
@@ -95,7 +103,7 @@ def transitions(task: Task, landmark: Bits) -> Iterator[tuple[Seen, Bits]]:
         state, known = waiting.pop()
         for operator in task.operators:
             if operator.preconditions & ~state == 0:
-                after = progress(state, operator)
+                after = progress_state(state, operator)
                 yield (state, known), after
                 then = after, known or bool(after & landmark)
                 if then not in seen:
@@ -119,7 +127,7 @@ def test_every_state_in_which_the_goals_hold_comes_after_every_landmark(problem:
 def test_a_goal_does_not_stay_true_when_a_landmark_is_reached_that_is_better_first(problem: Problem) -> None:
     task = plain(problem)
     landmarks = of(task)
-    for later, earlier in interfering(task.goals[0], landmarks.moments, task.mutex_groups):
+    for later, earlier in interfering_pairs(task.goals[0], landmarks.moments, task.mutex_groups):
         again = bool(task.initial >> earlier & 1)
         for (before, known), after in transitions(task, 1 << earlier):
             if after >> earlier & 1 and not before >> earlier & 1 and (again or not known):
@@ -138,9 +146,12 @@ def test_orders_are_transitive_and_close_no_circle(problem: Problem) -> None:
 
 def test_the_lower_one_of_two_blocks_is_stacked_first() -> None:
     upper, lower, holding, clear = range(4)  # on(a, b), on(b, c), holding(b), clear(b)
-    moments = {upper: Reached(1 << clear, 1 << upper), lower: Reached(1 << holding, 1 << lower | 1 << clear)}
+    moments = {
+        upper: ReachingMoment(1 << clear, 1 << upper),
+        lower: ReachingMoment(1 << holding, 1 << lower | 1 << clear),
+    }
     groups = [1 << upper | 1 << clear | 1 << holding]
-    assert ordered(0b11, {upper: 0, lower: 0}, moments, groups) == {upper: 1 << lower, lower: 0}
+    assert reasonable_orders(0b11, {upper: 0, lower: 0}, moments, groups) == {upper: 1 << lower, lower: 0}
 
 
 def test_one_of_several_hands_is_a_landmark() -> None:
@@ -150,7 +161,7 @@ def test_one_of_several_hands_is_a_landmark() -> None:
     steps = [("take_left", ready, left), ("take_right", ready, right)]
     steps += [("put_left", left, there), ("put_right", right, there)]
     operators = [GroundOperator(Function(name), needs, adds, 0) for name, needs, adds in steps]
-    found = Landmarks(operators, ready, there, 4, hints=Hints((), kinds_of(atoms)))
+    found = Landmarks(operators, ready, there, 4, hints=LandmarkHints((), predicate_kinds(atoms)))
     assert found.sets == [left | right]
     assert found.before == {2: 1 << 4, 3: 0, 4: 0}  # the set has the number 4
     begun = found.accept(found.none, bytes([ready]))
@@ -176,7 +187,7 @@ def test_a_goal_that_will_be_in_the_way_counts_only_once_it_is_not() -> None:
         "stack(d, c)",
     ):
         left.append(landmarks.left(accepted, packed(state)))
-        state = progress(state, next(each for each in task.operators if str(each.instance) == name))
+        state = progress_state(state, next(each for each in task.operators if str(each.instance) == name))
         accepted = landmarks.accept(accepted, packed(state))
     left.append(landmarks.left(accepted, packed(state)))
     assert left[2] >= left[0]  # d is on c, and must be taken away again before b can be lifted

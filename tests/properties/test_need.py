@@ -6,14 +6,18 @@ import pytest
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
+from cellwright.engine.model.ground_task import GroundTask, progress_state
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.model.task import Task, progress
-from cellwright.engine.pipelines.planning import planned
+from cellwright.engine.pipelines.planning.checked_plan import plan_and_ground
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.grounding.need import faithful, thinned, without_irrelevant
+from cellwright.engine.stages.grounding.pruning import (
+    drop_irrelevant_objects,
+    drop_irrelevant_operators,
+    preserves_optimality,
+)
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.conditions import And, Comparison, Exists, ForAll, Literal, Not, Parameter
-from cellwright.kb.model.domain import (
+from cellwright.kb.model.domain_model import (
     Consequence,
     DeductiveOperator,
     Domain,
@@ -23,7 +27,7 @@ from cellwright.kb.model.domain import (
     Predicate,
     Type,
 )
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number, Term, Variable
 
 DILIGENT = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
@@ -136,7 +140,7 @@ def problems(draw: st.DrawFn) -> Problem:
     )
 
 
-def whole(problem: Problem) -> Task:
+def whole(problem: Problem) -> GroundTask:
     """The task of the whole problem, if its operators do not contradict themselves."""
     try:
         return ground(problem)
@@ -145,7 +149,7 @@ def whole(problem: Problem) -> Task:
         raise
 
 
-def shortest(task: Task) -> int | None:
+def shortest(task: GroundTask) -> int | None:
     """The number of steps of a shortest plan by breadth-first search; None if there is no plan."""
     seen, waiting = {task.initial: 0}, deque([task.initial])
     while waiting:
@@ -155,7 +159,7 @@ def shortest(task: Task) -> int | None:
         assume(len(seen) < MOST)
         for operator in task.operators:
             if operator.preconditions & ~state == 0:
-                after = progress(state, operator)
+                after = progress_state(state, operator)
                 if after not in seen:
                     seen[after] = seen[state] + 1
                     waiting.append(after)
@@ -166,10 +170,10 @@ def shortest(task: Task) -> int | None:
 @DILIGENT
 @given(problems())
 def test_a_faithful_thinned_task_has_shortest_plans_as_short_as_those_of_the_whole(problem: Problem) -> None:
-    every, small = whole(problem), thinned(problem)
+    every, small = whole(problem), drop_irrelevant_objects(problem)
     assume(small.left_out)
-    task = without_irrelevant(ground(small.problem))
-    proved = faithful(task, small.spares)
+    task = drop_irrelevant_operators(ground(small.problem))
+    proved = preserves_optimality(task, small.spares)
     event(f"faithful: {proved}")
     assume(proved)
     assert shortest(task) == shortest(every)
@@ -179,14 +183,14 @@ def test_a_faithful_thinned_task_has_shortest_plans_as_short_as_those_of_the_who
 @given(problems())
 def test_operators_that_contribute_to_no_goal_shorten_no_plan(problem: Problem) -> None:
     task = whole(problem)
-    assert shortest(without_irrelevant(task)) == shortest(task)
+    assert shortest(drop_irrelevant_operators(task)) == shortest(task)
 
 
 @DILIGENT
 @given(problems())
 def test_planning_by_need_and_planning_the_whole_agree_on_solvability(problem: Problem) -> None:
     length = shortest(whole(problem))
-    outcome, _ = planned(problem)
+    outcome, _ = plan_and_ground(problem)
     event(f"solvable: {length is not None}")
     assert isinstance(outcome, Found) == (length is not None)
     assert isinstance(outcome, Found | Infeasible)

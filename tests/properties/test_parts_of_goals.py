@@ -8,12 +8,12 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.stages.grounding import ground, ground_parts, separable
-from cellwright.engine.stages.planning import plan
+from cellwright.engine.stages.grounding import ground, ground_parts, has_separable_chains
+from cellwright.engine.stages.planning import plan_task
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.conditions import And, Condition, goal_parts
-from cellwright.kb.model.domain import Effect, Kind, Predicate
-from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.domain_model import Effect, Kind, Predicate
+from cellwright.kb.model.planning_problem import Chain, Problem
 from cellwright.kb.terms import Function
 from tests.properties.problems import CONSTANTS, conditions, problems, shortest
 from tests.properties.test_quantities import cases, loaded
@@ -39,7 +39,7 @@ def test_a_part_is_reached_exactly_if_brute_force_reaches_it(
             assert task is not None
             asked = replace(whole, goal=And(tuple(parts[each] for each in chosen)))
             expected = Infeasible if shortest(asked) is None else Found
-            assert isinstance(plan(task), expected)
+            assert isinstance(plan_task(task), expected)
 
 
 @given(cases())
@@ -53,7 +53,7 @@ def test_parts_of_goals_with_quantities_agree_with_a_task_for_each(case: tuple[s
         task = parted.wanting([number])
         assert task is not None
         alone = ground(replace(problem, goal=And((part,))))
-        assert type(plan(task)) is type(plan(alone))
+        assert type(plan_task(task)) is type(plan_task(alone))
 
 
 HAPPENED = [Function("v", (each,)) for each in CONSTANTS]
@@ -79,7 +79,7 @@ def chained(draw: st.DrawFn) -> Problem:
 @given(chained())
 @DILIGENT
 def test_chains_up_to_any_stage_agree_with_a_task_for_each(problem: Problem) -> None:
-    assume(separable(problem))
+    assume(has_separable_chains(problem))
     try:
         parted = ground_parts(problem)
     except InvalidInput:
@@ -94,4 +94,4 @@ def test_chains_up_to_any_stage_agree_with_a_task_for_each(problem: Problem) -> 
         )
         task = parted.wanting(parts, stages)
         assert task is not None
-        assert type(plan(task)) is type(plan(ground(replace(problem, chains=chains))))
+        assert type(plan_task(task)) is type(plan_task(ground(replace(problem, chains=chains))))

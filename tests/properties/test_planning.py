@@ -7,18 +7,18 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from cellwright.engine.model.ground_task import progress_state
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.model.task import progress
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning.regression.mutexes import mutexes
-from cellwright.engine.stages.planning.regression.space import Backward, Regression
-from cellwright.engine.stages.validation import validate
-from cellwright.engine.stages.validation.datalog import holds
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.planning.regression.backward_search import BackwardSpace, Regression
+from cellwright.engine.stages.planning.regression.mutex_pairs import find_mutexes
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.engine.stages.validation.condition_solving import condition_holds
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.plan import Plan, Step
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan, Step
+from cellwright.kb.model.planning_problem import Problem
 from tests.properties.problems import problems, shortest, successors
 
 FAMILIES = st.one_of(problems(), problems(conditional=True), problems(deductive=True))
@@ -29,7 +29,7 @@ DILIGENT = settings(max_examples=40, deadline=None, suppress_health_check=list(H
 @DILIGENT
 def test_the_planner_agrees_with_brute_force_on_solvability(problem: Problem) -> None:
     try:
-        outcome = planning.plan(problem)
+        outcome = checked_plan.plan_problem(problem)
     except InvalidInput:
         assume(False)
     length = shortest(problem)
@@ -62,7 +62,7 @@ def linearisations(plan: Plan, limit: int) -> list[list[Step]]:
 @DILIGENT
 def test_every_linearisation_of_a_plan_executes(problem: Problem) -> None:
     try:
-        outcome = planning.plan(problem)
+        outcome = checked_plan.plan_problem(problem)
     except InvalidInput:
         assume(False)
     assume(isinstance(outcome, Found))
@@ -74,7 +74,7 @@ def test_every_linearisation_of_a_plan_executes(problem: Problem) -> None:
             following = dict(successors(semantics, problem, state))
             assert step.operator in following
             state = following[step.operator]
-        assert holds(problem.goal, semantics.facts(state), {})
+        assert condition_holds(problem.goal, semantics.facts(state), {})
 
 
 @pytest.mark.slow
@@ -85,7 +85,7 @@ def test_every_linearisation_of_a_plan_executes(problem: Problem) -> None:
 def test_the_checker_refuses_a_plan_whose_order_can_fail(problem: Problem, data: st.DataObject) -> None:
     """Steps and orders are taken away at random; what the checker still accepts must execute in every order."""
     try:
-        outcome = planning.plan(problem)
+        outcome = checked_plan.plan_problem(problem)
     except InvalidInput:
         assume(False)
     assume(isinstance(outcome, Found) and outcome.plan.steps)
@@ -98,7 +98,7 @@ def test_the_checker_refuses_a_plan_whose_order_can_fail(problem: Problem, data:
             steps.append(Step(step.id, step.operator, kept, step.resources, step.duration, step.cost))
     links = tuple(k for k in outcome.plan.links if gone not in (k.producer, k.consumer))
     mutated = Plan(tuple(steps), links)
-    if validate(problem, mutated):
+    if validate_plan(problem, mutated):
         return
     semantics = Semantics(problem)
     for order in linearisations(mutated, 40):
@@ -107,7 +107,7 @@ def test_the_checker_refuses_a_plan_whose_order_can_fail(problem: Problem, data:
             following = dict(successors(semantics, problem, state))
             assert step.operator in following
             state = following[step.operator]
-        assert holds(problem.goal, semantics.facts(state), {})
+        assert condition_holds(problem.goal, semantics.facts(state), {})
 
 
 @given(FAMILIES, st.data())
@@ -119,11 +119,11 @@ def test_regressed_goals_suffice_for_the_goals(problem: Problem, data: st.DataOb
         assume(False)
     plain = [operator for operator in task.operators if not operator.conditional]
     assume(plain)
-    space = Backward(Regression(plain, task.weights, mutexes(task)), task.initial)
+    space = BackwardSpace(Regression(plain, task.weights, find_mutexes(task)), task.initial)
     some = st.integers(0, (1 << len(task.atoms)) - 1)
     root = space.root(data.draw(some) | data.draw(st.sampled_from(plain)).adds)
     for _, _, operator, open_ in space.successors(root) if root else ():
-        reached = progress(open_ | data.draw(some), plain[operator])
+        reached = progress_state(open_ | data.draw(some), plain[operator])
         assert root is not None
         assert root.open & ~reached == 0
 
@@ -138,7 +138,9 @@ def test_no_reachable_state_holds_two_atoms_of_a_mutex_group(problem: Problem) -
 
     def applied(state: int) -> Iterator[int]:
         return (
-            progress(state, operator) for operator in task.operators if operator.preconditions & ~state == 0
+            progress_state(state, operator)
+            for operator in task.operators
+            if operator.preconditions & ~state == 0
         )
 
     for state in reachable(task.initial, applied):
@@ -170,7 +172,7 @@ def test_the_ground_task_has_the_states_of_the_domain(problem: Problem) -> None:
     plain = [operator for operator in task.operators if not operator.instance.name.startswith("_")]
 
     def applied(state: int) -> Iterator[int]:
-        return (progress(state, operator) for operator in plain if operator.preconditions & ~state == 0)
+        return (progress_state(state, operator) for operator in plain if operator.preconditions & ~state == 0)
 
     slow = reachable(
         semantics.initial(), lambda state: [each for _, each in successors(semantics, problem, state)]

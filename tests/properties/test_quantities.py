@@ -10,18 +10,18 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation import changed, explain
-from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.pipelines.explanation import apply_amendment, explain_infeasibility
+from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.planning.consistency import Proof
-from cellwright.engine.stages.planning.effort import NO_PLAN, Effort
-from cellwright.engine.stages.validation.datalog import holds
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.planning.search_control import NO_PLAN, Effort
+from cellwright.engine.stages.planning.unsolvability import UnsolvabilityProof
+from cellwright.engine.stages.validation.condition_solving import condition_holds
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number
 
 DOMAIN = """
@@ -105,11 +105,11 @@ def reachable(problem: Problem) -> bool:
             continue
         seen.add(state)
         facts = semantics.facts(state)
-        if holds(problem.goal, facts, {}):
+        if condition_holds(problem.goal, facts, {}):
             return True
         for step in steps:
             bound = semantics.binding(step)
-            if not isinstance(bound, str) and holds(bound[0].precondition, facts, bound[1]):
+            if not isinstance(bound, str) and condition_holds(bound[0].precondition, facts, bound[1]):
                 change = semantics.change(*bound, facts, state)
                 waiting.append(state - change.ends | change.adds)
     return False
@@ -121,7 +121,7 @@ def test_a_search_over_quantities_agrees_with_brute_force(case: tuple[str, str],
     """Every plan has been accepted by the checker, which follows the values themselves."""
     with TemporaryDirectory() as folder:
         problem = loaded(*case, folder)
-        outcome = planning.plan(problem, Limits(strategy=strategy))
+        outcome = checked_plan.plan_problem(problem, SearchLimits(strategy=strategy))
         assert isinstance(outcome, Found if reachable(problem) else Infeasible)
 
 
@@ -132,8 +132,8 @@ def test_what_is_proved_or_relaxed_over_quantities_agrees_with_brute_force(case:
     with TemporaryDirectory() as folder:
         problem = loaded(*case, folder)
         task, possible = ground(problem), reachable(problem)
-        proof = Proof(task).run(Effort(1 << 60))
-        relaxed = Space.of(problem, task.names(task.initial)).reachable
+        proof = UnsolvabilityProof(task).run(Effort(1 << 60))
+        relaxed = ProblemSpace.of(problem, task.names(task.initial)).reachable
         event(f"reachable: {possible}, proved: {proof is NO_PLAN}, relaxed: {relaxed}")
         assert not possible or (proof is None and relaxed)
 
@@ -146,7 +146,7 @@ def test_a_value_at_the_start_that_would_help_is_found(case: tuple[str, str]) ->
         problem = loaded(*case, folder)
         if reachable(problem):
             return
-        explanation = explain(problem)
+        explanation = explain_infeasibility(problem)
         values = [fact for fact in problem.initial if fact.name == "level"]
         others = [
             replace(problem, initial=(*(f for f in problem.initial if f != fact), _with(fact, value)))
@@ -157,7 +157,7 @@ def test_a_value_at_the_start_that_would_help_is_found(case: tuple[str, str]) ->
         event(f"a value helps: {helping}")
         assert not helping or [len(each.edits) for each in explanation.changes if each.edits][:1] == [1]
         for change in (each for each in explanation.changes if each.edits):
-            assert reachable(changed(problem, change))
+            assert reachable(apply_amendment(problem, change))
 
 
 def _with(fact: Atom, value: int) -> Atom:
@@ -184,7 +184,7 @@ def test_what_is_wrong_with_a_quantity_is_told(old: str, new: str, code: str, tm
     problem = PROBLEM.format(one=1, two=2, a=0, b=5, goal="level(a) = 5")
     assert old in FINE
     with pytest.raises(InvalidInput) as refused:
-        planning.plan(loaded(FINE.replace(old, new), problem, str(tmp_path)))
+        checked_plan.plan_problem(loaded(FINE.replace(old, new), problem, str(tmp_path)))
     assert code in {each.code for each in refused.value.diagnostics}
 
 
@@ -201,6 +201,6 @@ def test_a_quantity_has_one_value_within_its_range(fact: str, code: str, line: s
         '"level(a, 0)",', f"{fact},".lstrip(",")
     )
     with pytest.raises(InvalidInput) as refused:
-        planning.plan(loaded(FINE, problem, str(tmp_path)))
+        checked_plan.plan_problem(loaded(FINE, problem, str(tmp_path)))
     (found,) = (each for each in refused.value.diagnostics if each.code == code)
     assert line in found.where.text

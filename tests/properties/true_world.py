@@ -4,11 +4,10 @@ import random
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from cellwright.engine.model.cases import Hypothesis
-from cellwright.engine.pipelines.simulation.dynamics import WorldState
-from cellwright.engine.pipelines.simulation.faulty import FaultyCell
-from cellwright.engine.stages.diagnosis.knowledge import CURED
-from cellwright.engine.stages.diagnosis.world import HiddenWorld
+from cellwright.engine.model.troubleshooting import CaseHypothesis
+from cellwright.engine.pipelines.recovery.world_model import FaultyCell, WorldState
+from cellwright.engine.stages.diagnosis.fault_problems import CURED
+from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld
 from cellwright.kb.terms import Function
 
 DONE = ""
@@ -24,7 +23,7 @@ class TrueWorld:
 
     cell: FaultyCell
     before: WorldState
-    hidden: Hypothesis
+    hidden: CaseHypothesis
     chance: random.Random = field(default_factory=lambda: random.Random(0))
     state: WorldState = field(init=False)
     present: tuple[str, ...] = field(init=False)

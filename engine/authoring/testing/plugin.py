@@ -20,8 +20,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """A domain with golden plans is a collection of tests."""
     if file_path.name == "domain.yaml" and (file_path.parent / "golden").is_dir():
-        found: pytest.Collector = GoldenDomain.from_parent(parent, path=file_path)
-        return found
+        collector: pytest.Collector = GoldenDomain.from_parent(parent, path=file_path)
+        return collector
     return None
 
 
@@ -36,7 +36,7 @@ class GoldenDomain(pytest.File):
             yield GoldenPlan.from_parent(self, name=file.stem, problem_file=file)
 
 
-class Differs(Exception):
+class GoldenDifference(Exception):
     """An answer is not the accepted one; the text says how."""
 
 
@@ -49,20 +49,24 @@ class GoldenPlan(pytest.Item):
 
     def runtest(self) -> None:
         """Compare the answer with the golden file, or accept it."""
-        from cellwright.engine.authoring.testing.golden import FOLDER, compare, update
+        from cellwright.engine.authoring.testing.golden_files import (
+            GOLDEN_FOLDER,
+            accept_answer,
+            compare_with_golden,
+        )
 
-        golden = self.problem_file.parent.parent / FOLDER / f"{self.problem_file.stem}.json"
-        comparison = compare(self.problem_file, golden)
+        golden = self.problem_file.parent.parent / GOLDEN_FOLDER / f"{self.problem_file.stem}.json"
+        comparison = compare_with_golden(self.problem_file, golden)
         if comparison.verdict == "same":
             return
         if self.config.getoption("--update-plans") and not os.environ.get("CI"):
-            update(comparison)
+            accept_answer(comparison)
         else:
-            raise Differs("\n".join([", ".join(comparison.meaning), *comparison.diff]))
+            raise GoldenDifference("\n".join([", ".join(comparison.meaning), *comparison.diff]))
 
     def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
         """Only the difference, without a traceback."""
-        if isinstance(excinfo.value, Differs):
+        if isinstance(excinfo.value, GoldenDifference):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 

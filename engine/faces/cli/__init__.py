@@ -1,4 +1,4 @@
-"""The command `cellwright`: parse, call, print, exit. Large modules are imported only when a command needs them."""
+"""The command `cellwright`: start of the process; large modules load only when a verb needs them."""
 
 import _signal  # type: ignore[import-not-found]  # `signal` takes milliseconds to load, in which Ctrl-C tells a traceback
 import gc
@@ -8,18 +8,18 @@ def main() -> None:
     """Run the command line. Before a verb begins and after it ends, Ctrl-C ends the process without a message."""
     _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
     gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
-    from cellwright.engine.faces.cli.kept_code import kept_code
+    from cellwright.engine.faces.cli.bytecode_cache import kept_code
 
     code = kept_code()
-    from cellwright.engine.faces.cli.command import run
+    from cellwright.engine.faces.cli.invocation import run_command_line
 
-    run(code)
+    run_command_line(code)
 
 
 def __getattr__(name: str) -> object:
     """The typer application, made at the first access."""
     if name == "app":
-        from cellwright.engine.faces.cli.application import app
+        from cellwright.engine.faces.cli.typer_application import app
 
         return app
     raise AttributeError(name)

@@ -1,6 +1,4 @@
-"""The cell in three dimensions: the arm on its way, what it holds and what it has met, the path of the current motion, and what
-touches in red.
-"""
+"""The cell in 3D: arms on their way, what they hold and have met, and the path being moved."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -9,19 +7,19 @@ from typing import Any
 from nicegui import background_tasks, events, ui
 from nicegui.elements.scene.scene_object3d import Object3D
 
-from cellwright.engine.faces.monitor.choosing import mentions
-from cellwright.engine.faces.monitor.solids import Solids
-from cellwright.engine.faces.monitor.viewing import View
-from cellwright.engine.model.execution import SEEN
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.moves import Unmoved
-from cellwright.engine.pipelines.execution.records import read_atom
-from cellwright.engine.pipelines.execution.retracing import Taken, tool_path
-from cellwright.engine.pipelines.moves.seen import seen_in
+from cellwright.engine.faces.monitor.cell_bodies import CellBodies
+from cellwright.engine.faces.monitor.chosen_item import names_any
+from cellwright.engine.faces.monitor.view_base import RunView
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.motion_values import Unmoved
+from cellwright.engine.model.run_protocol import BODIES_SEEN
+from cellwright.engine.pipelines.execution.journal_motions import TakenStep, tool_path
+from cellwright.engine.pipelines.execution.plan_records import read_ground_atom
+from cellwright.engine.pipelines.motion.seen_bodies import seen_in
 from cellwright.kb.diagnostics import InvalidInput
 
 RED, CHOSEN, MET = "#e01818", "#d02090", "#e08a18"
-SIDES = {  # the direction from which it is seen
+VIEW_SIDES = {  # the direction from which it is seen
     "front": (0.0, -1.0, 0.15),
     "right": (1.0, 0.0, 0.15),
     "back": (0.0, 1.0, 0.15),
@@ -29,8 +27,8 @@ SIDES = {  # the direction from which it is seen
     "top": (0.0, -0.01, 1.0),
     "corner": (-0.6, -0.75, 0.55),
 }
-UP = (0.0, 0.0, 1.0)
-PLACING = """
+VIEW_UP = (0.0, 0.0, 1.0)
+PLACING_SCRIPT = """
 const WANTED = {};
 function placed(scene, poses) {
   WANTED[scene] = Object.assign(WANTED[scene] || {}, poses);
@@ -54,7 +52,7 @@ setInterval(() => {
 """
 
 
-class Cell3D(View):
+class Cell3D(RunView):
     """The cell as it is now, or at the time that is looked at."""
 
     name = "cell"
@@ -65,19 +63,19 @@ class Cell3D(View):
         self._sent = dict[str, tuple[float, ...]]()
         self._boxes = dict[str, tuple[float, float, float]]()
         try:
-            self._solids: Solids | None = self.look.shared.solids(self.look.follower.run)
+            self._solids: CellBodies | None = self.look.shared.solids(self.look.follower.run)
         except InvalidInput as refused:
             self._solids = None
             ui.label(refused.diagnostics[0].message)
             return
         with ui.row().classes("items-center gap-2"):
-            for side in SIDES:
+            for side in VIEW_SIDES:
                 ui.button(side, on_click=lambda _, side=side: self._turn(side)).props(
                     f'dense no-caps outline data-testid="view-{side}"'
                 )
             self._touching = ui.label("").props('data-testid="touching" role="status"')
             self._motion = ui.label("").props('data-testid="motion"')
-        self._scene, self._bodies = scene_of(self._solids, clicks=["dblclick"])
+        self._scene, self._bodies = body_scene(self._solids, clicks=["dblclick"])
         self._scene.on_click(self._clicked)
         with self._scene:
             self._path = self._scene.point_cloud([], [], 0.012)
@@ -89,13 +87,13 @@ class Cell3D(View):
 
     def _clicked(self, event: events.SceneClickEventArguments) -> None:
         """A double click chooses a body."""
-        found = next((each.object_name for each in event.hits if each.object_name in self._bodies), "")
-        if found:
-            self.look.choose(found)
+        body_name = next((hit.object_name for hit in event.hits if hit.object_name in self._bodies), "")
+        if body_name:
+            self.look.choose(body_name)
 
     def _turn(self, side: str, seconds: float = 0.5) -> None:
         assert self._solids is not None
-        turned(self._scene, self._solids, side, seconds)
+        turn_camera(self._scene, self._solids, side, seconds)
 
     def show(self) -> None:
         """Show the run as it stands."""
@@ -104,21 +102,21 @@ class Cell3D(View):
         run, look = self.look.run, self.look
         background_tasks.create_lazy(look.shared.find_motions(run.run), name=f"motions {run.run}")
         motions = look.shared.motions(run.run)
-        taken = [each for each in motions.at(run.number) if each.command not in run.stopped]
+        taken = [motion for motion in motions.at(run.number) if motion.command not in run.stopped]
         last = taken[-1] if taken else None
         share = look.share(last) if last is not None else 1.0
-        world = self._solids.world(taken, share, list(map(read_atom, run.holds)))
+        world = self._solids.world(taken, share, list(map(read_ground_atom, run.holds)))
         poses = self._solids.poses(world) | self._met(run.met)
         self._place({name: tuple(pose.ravel().round(6)) for name, pose in poses.items()})
         self._paint(self._solids.touching(world, last))
         self._draw_path(last if share < 1.0 else None)
-        self._motion.set_text(motions.why_none or _said(last, share, motions.looked < run.number))
+        self._motion.set_text(motions.why_none or _motion_text(last, share, motions.looked < run.number))
 
     def _met(self, told: Mapping[str, Any]) -> dict[str, Floats]:
         """Where the bodies are that the arm has met, T_world_body (4, 4). Those that the cell does not know are boxes here."""
         assert self._solids is not None
-        seen = seen_in({SEEN: told}, self._solids.cell)[0]
-        boxes = {each.name: each.box_m for each in seen if each.name not in self._solids.names and each.box_m}
+        seen = seen_in({BODIES_SEEN: told}, self._solids.cell)[0]
+        boxes = {body.name: body.box_m for body in seen if body.name not in self._solids.names and body.box_m}
         for name in self._boxes.keys() - {n for n, box in boxes.items() if self._boxes.get(n) == box}:
             self._bodies.pop(name).delete()
             self._sent.pop(name, None)
@@ -127,7 +125,7 @@ class Cell3D(View):
             for name in boxes.keys() - self._bodies.keys():
                 self._bodies[name] = self._scene.box(*boxes[name]).with_name(name).material(MET)
         self._boxes = boxes
-        return {each.name: each.T_world for each in seen if each.name in self._bodies}
+        return {body.name: body.T_world for body in seen if body.name in self._bodies}
 
     def _place(self, poses: dict[str, tuple[float, ...]]) -> None:
         """Tell the page where the bodies are that are not where they were."""
@@ -139,17 +137,17 @@ class Cell3D(View):
     def _paint(self, pairs: Sequence[tuple[str, str]]) -> None:
         assert self._solids is not None
         red = {name for pair in pairs for name in pair}
-        chosen = {name for name in self._bodies if self.look.step and mentions([name], [self.look.step])}
+        chosen = {name for name in self._bodies if self.look.step and names_any([name], [self.look.step])}
         painted = dict.fromkeys(chosen, CHOSEN) | dict.fromkeys(red, RED)
         for name in painted.keys() | self._painted.keys():
             if painted.get(name) != self._painted.get(name):
                 usual = self._solids.colours.get(name, MET)
                 self._bodies[name].material(painted.get(name, usual))
         self._painted = painted
-        said = "; ".join(f"{one} touches {other}" for one, other in pairs)
+        said = "; ".join(f"{body} touches {touched}" for body, touched in pairs)
         self._touching.set_text(f"✗ {said}" if said else "✓ nothing touches")
 
-    def _draw_path(self, taken: Taken | None) -> None:
+    def _draw_path(self, taken: TakenStep | None) -> None:
         """The way of the tool in the step that goes on, as dots."""
         number = taken.number if taken else 0
         if number == self._path_of or self._solids is None:
@@ -159,7 +157,7 @@ class Cell3D(View):
         self._path.set_points(points, [[0.12, 0.44, 0.71]] * len(points))
 
 
-def _said(last: Taken | None, share: float, looking: bool) -> str:
+def _motion_text(last: TakenStep | None, share: float, looking: bool) -> str:
     if looking:
         return "looking for the motions of the steps ..."
     if last is None:
@@ -169,7 +167,7 @@ def _said(last: Taken | None, share: float, looking: bool) -> str:
     return f"{last.motion.operator}: {round(100 * share)} %" if share < 1.0 else "the arm rests"
 
 
-def scene_of(solids: Solids, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict[str, Object3D]]:
+def body_scene(solids: CellBodies, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict[str, Object3D]]:
     """The bodies of a cell in a scene; each has its name."""
     camera = ui.scene.perspective_camera(fov=45)
     scene = ui.scene(
@@ -192,8 +190,8 @@ def scene_of(solids: Solids, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict
     return scene, bodies
 
 
-def turned(scene: ui.scene, solids: Solids, side: str, seconds: float) -> None:
+def turn_camera(scene: ui.scene, solids: CellBodies, side: str, seconds: float) -> None:
     """Look at everything from a side."""
     middle, reach = solids.extent
-    away = [at + 1.7 * reach * each for at, each in zip(middle.tolist(), SIDES[side], strict=True)]
-    scene.move_camera(*[*away, *middle.tolist(), *UP, seconds])
+    away = [at + 1.7 * reach * part for at, part in zip(middle.tolist(), VIEW_SIDES[side], strict=True)]
+    scene.move_camera(*[*away, *middle.tolist(), *VIEW_UP, seconds])

@@ -11,17 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.vision import Camera
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.vision import DepthCamera
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import foreign_bytes
 
-MAX_BYTES = 256 * 2**20
+MAX_DEPTH_BYTES = 256 * 2**20
 PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it
-FARTHEST_M = (
+MAX_DEPTH_M = (
     1e6  # a coordinate of a measured point; squares of much larger ones leave no digits for millimetres
 )
-NEAREST_M = 1e-6  # in front of a camera
+MIN_DEPTH_M = 1e-6  # in front of a camera
 PLY_TYPES = {
     "float": "f4",
     "float32": "f4",
@@ -43,14 +43,16 @@ PLY_TYPES |= {
 PLY_TYPES |= {"int32": "i4", "uint32": "u4"}
 
 
-def read_depth(path: Path, camera: Camera) -> Floats:
+def read_depth(path: Path, camera: DepthCamera) -> Floats:
     """Depths (height, width) in metres, 0 for nothing. Raises `InvalidInput` for what cannot be read, or another size."""
-    found = _read(path, {".npy": _array, ".png": _png, ".pcd": _pcd, ".ply": _ply}, "depth image")
-    depth = _in_pixels(found, camera) if found.ndim == 2 and found.shape[1] == 3 else found
+    depths = _read_by_suffix(
+        path, {".npy": _read_array, ".png": _read_png, ".pcd": _read_pcd, ".ply": _read_ply}, "depth image"
+    )
+    depth = _in_pixels(depths, camera) if depths.ndim == 2 and depths.shape[1] == 3 else depths
     if depth.shape != (camera.height, camera.width):
         size = f"{camera.width} x {camera.height}"
         shape = " x ".join(map(str, depth.shape[::-1]))
-        raise _refused(
+        raise _bad_depth_file(
             path, f"it has {shape} pixels, the camera {size}", "give the camera its `width` and `height`"
         )
     return np.where(np.isfinite(depth) & (depth > 0), depth, 0.0)
@@ -61,27 +63,31 @@ def read_cloud(path: Path, unit_m: float = 1.0) -> Floats:
 
     The file counts in `unit_m`; whole numbers in a `.npy` are millimetres.
     """
-    readers: dict[str, Callable[[bytes], Floats]] = {".npy": partial(_array, unit_m=unit_m)}
-    readers |= {".pcd": _in(unit_m, _pcd), ".ply": _in(unit_m, _ply), ".csv": _in(unit_m, _rows)}
-    found = _read(path, readers, "file of points")
-    if found.shape[1] != 3:
-        raise _refused(path, f"it has {found.shape[1]} columns", "give x, y and z of each point")
-    kept: Floats = found[np.isfinite(found).all(axis=1)]
-    if (np.abs(kept) > FARTHEST_M).any():
+    readers: dict[str, Callable[[bytes], Floats]] = {".npy": partial(_read_array, unit_m=unit_m)}
+    readers |= {
+        ".pcd": _in_unit(unit_m, _read_pcd),
+        ".ply": _in_unit(unit_m, _read_ply),
+        ".csv": _in_unit(unit_m, _read_rows),
+    }
+    points = _read_by_suffix(path, readers, "file of points")
+    if points.shape[1] != 3:
+        raise _bad_depth_file(path, f"it has {points.shape[1]} columns", "give x, y and z of each point")
+    kept: Floats = points[np.isfinite(points).all(axis=1)]
+    if (np.abs(kept) > MAX_DEPTH_M).any():
         hint = "say with --unit in what the file counts"
-        raise _refused(path, f"a coordinate is greater than {FARTHEST_M:.0f} m", hint)
+        raise _bad_depth_file(path, f"a coordinate is greater than {MAX_DEPTH_M:.0f} m", hint)
     return kept
 
 
-def _in(unit_m: float, read: Callable[[bytes], Floats]) -> Callable[[bytes], Floats]:
+def _in_unit(unit_m: float, read: Callable[[bytes], Floats]) -> Callable[[bytes], Floats]:
     """A reader whose lengths are in a unit."""
     return lambda data: np.asarray(read(data) * unit_m, float)
 
 
-def _rows(data: bytes) -> Floats:
+def _read_rows(data: bytes) -> Floats:
     """The columns x, y and z of a table whose first line names them."""
     lines = [line.split(",") for line in data.decode("utf-8-sig").splitlines() if line.strip()]
-    names = [each.strip().lower() for each in lines[0]] if lines else []
+    names = [heading.strip().lower() for heading in lines[0]] if lines else []
     if not {"x", "y", "z"} <= set(names):
         raise ValueError("its first line does not name the columns x, y and z")
     if any(len(row) != len(names) for row in lines):
@@ -90,33 +96,35 @@ def _rows(data: bytes) -> Floats:
     return np.array([[float(row[column]) for column in columns] for row in lines[1:]], float).reshape(-1, 3)
 
 
-def _read(path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: str) -> Floats:
+def _read_by_suffix(path: Path, readers: Mapping[str, Callable[[bytes], Floats]], what: str) -> Floats:
     """What the reader for a file's ending makes of it."""
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise _refused(path, f"'{path.suffix}' is not a kind of {what}", f"one of: {', '.join(readers)}")
-    data = foreign_bytes(path, "K702", "it", MAX_BYTES)
+        raise _bad_depth_file(
+            path, f"'{path.suffix}' is not a kind of {what}", f"one of: {', '.join(readers)}"
+        )
+    data = foreign_bytes(path, "K702", "it", MAX_DEPTH_BYTES)
     try:
         return reader(data)
     except Exception as error:  # what a garbled file makes the readers raise is not laid down
         said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         hint = f"is the file whole, and of the kind that '{path.suffix}' says?"
-        raise _refused(path, f"it cannot be read: {said}", hint) from None
+        raise _bad_depth_file(path, f"it cannot be read: {said}", hint) from None
 
 
-def _refused(path: Path, message: str, hint: str) -> InvalidInput:
+def _bad_depth_file(path: Path, message: str, hint: str) -> InvalidInput:
     return InvalidInput([Diagnostic(Source(str(path)), "K702", message, hint)])
 
 
-def _array(data: bytes, unit_m: float = 1.0) -> Floats:
-    found = np.load(io.BytesIO(data), allow_pickle=False)
-    if found.ndim != 2 or found.dtype.kind not in "fiu":
+def _read_array(data: bytes, unit_m: float = 1.0) -> Floats:
+    array = np.load(io.BytesIO(data), allow_pickle=False)
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise ValueError("not an array of two dimensions with numbers")
-    scale = unit_m if found.dtype.kind == "f" else PNG_UNIT_M
-    return np.asarray(found, dtype=float) * scale
+    scale = unit_m if array.dtype.kind == "f" else PNG_UNIT_M
+    return np.asarray(array, dtype=float) * scale
 
 
-def _png(data: bytes) -> Floats:
+def _read_png(data: bytes) -> Floats:
     from PIL import Image
 
     with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
@@ -125,7 +133,7 @@ def _png(data: bytes) -> Floats:
         return np.asarray(image, dtype=float) * PNG_UNIT_M
 
 
-def _pcd(data: bytes) -> Floats:
+def _read_pcd(data: bytes) -> Floats:
     """The points of a PCD file, as text or plain binary."""
     header: dict[str, list[str]] = {}
     at = 0
@@ -137,12 +145,12 @@ def _pcd(data: bytes) -> Floats:
     names, count = header["FIELDS"], int(header["POINTS"][0])
     kinds = {"F": "f", "I": "i", "U": "u"}
     columns = [(n, kinds[t] + s) for n, t, s in zip(names, header["TYPE"], header["SIZE"], strict=True)]
-    if any(each != "1" for each in header.get("COUNT", [])):
+    if any(count_text != "1" for count_text in header.get("COUNT", [])):
         raise ValueError("fields of several numbers")
-    return _points(data[at:], columns, count, header["DATA"][0] == "ascii", "<")
+    return _points_of_rows(data[at:], columns, count, header["DATA"][0] == "ascii", "<")
 
 
-def _ply(data: bytes) -> Floats:
+def _read_ply(data: bytes) -> Floats:
     """The vertices of a PLY file."""
     end = data.index(b"end_header") + len(b"end_header")
     lines = data[:end].decode("ascii").splitlines()
@@ -157,10 +165,12 @@ def _ply(data: bytes) -> Floats:
             count = int(line[2]) if reading else count
         elif line[0] == "property" and reading:
             columns.append((line[2], PLY_TYPES[line[1]]))
-    return _points(data[at:], columns, count, form == "ascii", ">" if "big" in form else "<")
+    return _points_of_rows(data[at:], columns, count, form == "ascii", ">" if "big" in form else "<")
 
 
-def _points(data: bytes, columns: list[tuple[str, str]], count: int, written: bool, order: str) -> Floats:
+def _points_of_rows(
+    data: bytes, columns: list[tuple[str, str]], count: int, written: bool, order: str
+) -> Floats:
     """The x, y and z (n, 3) of rows of named columns."""
     if written:
         rows = [line.split() for line in data.decode("ascii").splitlines()[:count]]
@@ -170,17 +180,17 @@ def _points(data: bytes, columns: list[tuple[str, str]], count: int, written: bo
     kind = np.dtype([(name, order + form) for name, form in columns])
     if len(data) < count * kind.itemsize:
         raise ValueError(f"it ends before its {count} points")
-    made = np.frombuffer(data, kind, count)
-    return np.stack([made[axis].astype(float) for axis in "xyz"], axis=1)
+    records = np.frombuffer(data, kind, count)
+    return np.stack([records[axis].astype(float) for axis in "xyz"], axis=1)
 
 
-def _in_pixels(points: Floats, camera: Camera) -> Floats:
+def _in_pixels(points: Floats, camera: DepthCamera) -> Floats:
     """The depths (height, width) of the nearest points (n, 3)."""
-    measured = (np.abs(points) < FARTHEST_M).all(axis=1) & (points[:, 2] > NEAREST_M)
+    measured = (np.abs(points) < MAX_DEPTH_M).all(axis=1) & (points[:, 2] > MIN_DEPTH_M)
     near = points[measured]
-    u, v = (np.rint(each) for each in camera.pixels(near))
+    u, v = (np.rint(coordinates) for coordinates in camera.pixels(near))
     inside = (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
-    rows, columns = (each[inside].astype(np.int64) for each in (v, u))
+    rows, columns = (pixels[inside].astype(np.int64) for pixels in (v, u))
     depth = np.full((camera.height, camera.width), np.inf)
     np.minimum.at(depth, (rows, columns), near[inside, 2])
     return np.where(np.isfinite(depth), depth, 0.0)

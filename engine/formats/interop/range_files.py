@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from cellwright.engine.formats.interop.depth_files import MAX_BYTES, PNG_UNIT_M, read_depth
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.ranging import RangeImage, picture_of
-from cellwright.engine.stages.vision.ranging import of_depths
+from cellwright.engine.formats.interop.depth_files import MAX_DEPTH_BYTES, PNG_UNIT_M, read_depth
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.vision import RangeImage, picture_of
+from cellwright.engine.stages.vision.sensor_images import of_depths
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import read_bytes
-from cellwright.kb.json_text import parsed
-from cellwright.kb.model.ranging import Ranging
+from cellwright.kb.json_text import parse_json
+from cellwright.kb.model.cell_model import Ranging
 
-OWN = ".npz"
+OWN_SUFFIX = ".npz"
 LEAST, LARGEST = 1e-6, 1e6  # of a range in m, and of a strength: beyond, there is no answer
-SENSE = {  # what each size of a tool is more than, and at most; as in a cell
+TOOL_BOUNDS = {  # what each size of a tool is more than, and at most; as in a cell
     "view_rad": (0.0, 2.6),
     "wavelength_m": (0.0, 1e3),
     "noise_m": (0.0, 1.0),
@@ -28,19 +28,21 @@ SENSE = {  # what each size of a tool is more than, and at most; as in a cell
     "grazing_rad": (0.0, 1.5707),
     "dropouts": (-1e-12, 0.9),
 }
-WHOLE = 1e-6  # of a count: what differs by less from a whole number is one
+COUNT_TOLERANCE = 1e-6  # of a count: what differs by less from a whole number is one
 
 
 def write_ranges(path: Path, image: RangeImage) -> None:
     """Write an image; the ending is `.npz`. Raises `InvalidInput` for a file that cannot be written."""
     import json
 
-    if path.suffix.lower() != OWN:
-        raise _refused(path, f"'{path.suffix}' is no form of range images", f"write a {OWN} file")
-    made = io.BytesIO()
+    if path.suffix.lower() != OWN_SUFFIX:
+        raise _bad_range_file(
+            path, f"'{path.suffix}' is no form of range images", f"write a {OWN_SUFFIX} file"
+        )
+    buffer = io.BytesIO()
     told = json.dumps(asdict(image.tool))
     np.savez_compressed(
-        made,
+        buffer,
         range_m=image.range_m,
         strength=image.strength,
         wrapped=image.wrapped,
@@ -49,9 +51,11 @@ def write_ranges(path: Path, image: RangeImage) -> None:
         tool=np.array(told),
     )
     try:
-        path.write_bytes(made.getvalue())
+        path.write_bytes(buffer.getvalue())
     except OSError as error:
-        raise _refused(path, f"it cannot be written: {error.strerror}", "is its folder there?") from None
+        raise _bad_range_file(
+            path, f"it cannot be written: {error.strerror}", "is its folder there?"
+        ) from None
 
 
 def read_ranges(path: Path, tool: Ranging | None = None) -> RangeImage:
@@ -59,51 +63,53 @@ def read_ranges(path: Path, tool: Ranging | None = None) -> RangeImage:
 
     Depths that are all whole millimetres were rounded to these.
     """
-    if path.suffix.lower() == OWN:
-        return _own(path)
+    if path.suffix.lower() == OWN_SUFFIX:
+        return _read_own_file(path)
     if tool is None:
-        hint = f"say it with --tool, or give a {OWN} file that `measurement image` has written"
-        raise _refused(path, "a depth image does not tell which tool took it", hint)
+        hint = f"say it with --tool, or give a {OWN_SUFFIX} file that `measurement image` has written"
+        raise _bad_range_file(path, "a depth image does not tell which tool took it", hint)
     depth = read_depth(path, picture_of(tool))
     depth = np.where((depth > LEAST) & (depth < LARGEST), depth, 0.0)
     counts = depth / PNG_UNIT_M
-    whole = bool((np.abs(counts - np.rint(counts)) < WHOLE).all())
+    whole = bool((np.abs(counts - np.rint(counts)) < COUNT_TOLERANCE).all())
     return of_depths(depth, tool, PNG_UNIT_M if whole else 0.0)
 
 
-def _own(path: Path) -> RangeImage:
-    data = read_bytes(path, str(path), MAX_BYTES)
+def _read_own_file(path: Path) -> RangeImage:
+    data = read_bytes(path, str(path), MAX_DEPTH_BYTES)
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as found:
-            tool = _tool(parsed(str(found["tool"])))
-            ranges, strength = (_checked(found[name], tool) for name in ("range_m", "strength"))
-            wrapped = bool(found["wrapped"])
-            guessed = "guessed" in found and bool(found["guessed"])
-            step_m = float(found["step_m"]) if "step_m" in found else 0.0
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            tool = _read_tool(parse_json(str(arrays["tool"])))
+            ranges, strength = (_check_values(arrays[name], tool) for name in ("range_m", "strength"))
+            wrapped = bool(arrays["wrapped"])
+            guessed = "guessed" in arrays and bool(arrays["guessed"])
+            step_m = float(arrays["step_m"]) if "step_m" in arrays else 0.0
             if not 0.0 <= step_m < LARGEST:
                 raise ValueError("its depths are rounded to no length")
     except Exception as error:  # what a garbled file makes the readers raise is not laid down
         said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
-        raise _refused(path, f"it cannot be read: {said}", "write it with `measurement image`") from None
+        raise _bad_range_file(
+            path, f"it cannot be read: {said}", "write it with `measurement image`"
+        ) from None
     known = (ranges > LEAST) & (strength > LEAST)
-    ranges, strength = (np.where(known, each, 0.0) for each in (ranges, strength))
+    ranges, strength = (np.where(known, values, 0.0) for values in (ranges, strength))
     return RangeImage(tool, ranges, strength, wrapped, guessed, step_m)
 
 
-def _tool(said: Any) -> Ranging:
+def _read_tool(said: Any) -> Ranging:
     tool = Ranging(**said)
-    whole = all(isinstance(each, int) and 4 <= each <= 2048 for each in (tool.width, tool.height))
-    if not whole or not all(low < getattr(tool, key) <= high for key, (low, high) in SENSE.items()):
+    whole = all(isinstance(size, int) and 4 <= size <= 2048 for size in (tool.width, tool.height))
+    if not whole or not all(low < getattr(tool, key) <= high for key, (low, high) in TOOL_BOUNDS.items()):
         raise ValueError("the tool makes no sense")
     return tool
 
 
-def _checked(values: Any, tool: Ranging) -> Floats:
-    found = np.asarray(values, dtype=float)
-    if found.shape != (tool.height, tool.width):
+def _check_values(values: Any, tool: Ranging) -> Floats:
+    array = np.asarray(values, dtype=float)
+    if array.shape != (tool.height, tool.width):
         raise ValueError("the picture has another size than the tool's")
-    return np.where(np.isfinite(found) & (np.abs(found) < LARGEST), found, 0.0)
+    return np.where(np.isfinite(array) & (np.abs(array) < LARGEST), array, 0.0)
 
 
-def _refused(path: Path, message: str, hint: str) -> InvalidInput:
+def _bad_range_file(path: Path, message: str, hint: str) -> InvalidInput:
     return InvalidInput([Diagnostic(Source(str(path)), "K702", message, hint)])

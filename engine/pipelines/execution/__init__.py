@@ -1,25 +1,31 @@
-"""Execution: a plan carried out through a driver, watched, noted in a journal, and carried on after exceptions.
+"""Execution of a plan through a driver: watched, kept in a journal, carried on after exceptions.
 
 The core is `cellwright.engine.stages.execution`, a table without a clock. Here are the loop that waits, the exception handler, and what a
 person can do at a pause.
 """
 
-from cellwright.engine.model.execution import Finish
-from cellwright.engine.pipelines.execution.begin import Wanted, begin, listed, named, resume
-from cellwright.engine.pipelines.execution.orders import Given, Orders, Timed
-from cellwright.engine.pipelines.execution.running import Execution
-from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.model.run_protocol import Finish
+from cellwright.engine.pipelines.execution.operator_orders import GivenOrder, OrderSource, TimedOrders
+from cellwright.engine.pipelines.execution.run_control import RunExecution
+from cellwright.engine.pipelines.execution.run_goals import RunScope
+from cellwright.engine.pipelines.execution.run_start import (
+    RunRequest,
+    begin_run,
+    list_run,
+    name_run,
+    resume_run,
+)
 
 __all__ = [
-    "Execution",
+    "RunExecution",
     "Finish",
-    "Given",
-    "Orders",
-    "Scope",
-    "Timed",
-    "Wanted",
-    "begin",
-    "listed",
-    "named",
-    "resume",
+    "GivenOrder",
+    "OrderSource",
+    "RunScope",
+    "TimedOrders",
+    "RunRequest",
+    "begin_run",
+    "list_run",
+    "name_run",
+    "resume_run",
 ]

@@ -1,4 +1,4 @@
-"""Why there is no plan: the goals that have none, what is missing, and the smallest changes that help.
+"""Explains why a problem has no plan: its unreachable goals, what is missing, changes that help.
 
 Each change is proved by a plan for the changed problem.
 """
@@ -6,71 +6,84 @@ Each change is proved by a plan for the changed problem.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from cellwright.engine.model.explanation import Amendment, Explanation
+from cellwright.engine.model.answer_wording import count_noun
+from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found, Infeasible, Outcome
-from cellwright.engine.model.task import Task
-from cellwright.engine.model.wording import counted
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation.advice import Advice
-from cellwright.engine.pipelines.explanation.amendments import changed
-from cellwright.engine.pipelines.explanation.companions import companions
-from cellwright.engine.pipelines.explanation.conflicts import conflicts
-from cellwright.engine.pipelines.explanation.culprits import Goal, exclusions, minimal_goals, only
-from cellwright.engine.pipelines.explanation.gaps import gaps
-from cellwright.engine.pipelines.explanation.ranges import out_of_range
-from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.model.plan_explanation import Amendment, Explanation
+from cellwright.engine.pipelines.explanation.amendments import apply_amendment
+from cellwright.engine.pipelines.explanation.blocked_steps import (
+    conflicting_needs,
+    missing_operators,
+    out_of_range,
+)
+from cellwright.engine.pipelines.explanation.companion_events import find_companions
+from cellwright.engine.pipelines.explanation.helpful_changes import ChangeSearch
+from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
+from cellwright.engine.pipelines.explanation.unreachable_goals import (
+    GoalOrStage,
+    exclusive_goals,
+    minimal_goals,
+    with_goals_only,
+)
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.plan import GOAL, Plan, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import GOAL_STEP, Plan, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
-__all__ = ["changed", "explain"]
+__all__ = ["apply_amendment", "explain_infeasibility"]
 
-TRIAL = 50_000  # expansions with one change, at most
-PART = 200_000  # expansions with a part of the goals, at most
+MAX_TRIAL_EXPANSIONS = 50_000  # expansions with one change, at most
+MAX_PART_EXPANSIONS = 200_000  # expansions with a part of the goals, at most
 
 
-def explain(problem: Problem, limits: Limits = Limits()) -> Explanation:
+def explain_infeasibility(problem: Problem, limits: SearchLimits = SearchLimits()) -> Explanation:
     """Why a problem has no plan. Raises `InvalidInput` for a problem that does not ground."""
-    outcome = planning.plan(problem, limits)
+    outcome = checked_plan.plan_problem(problem, limits)
     if isinstance(outcome, Found):
         return Explanation(
-            "feasible", reason=f"there is a plan of {counted(len(outcome.plan.steps), 'step')}"
+            "feasible", reason=f"there is a plan of {count_noun(len(outcome.plan.steps), 'step')}"
         )
     if not isinstance(outcome, Infeasible):
         return Explanation("unknown", reason=outcome.reason)
-    return _Inquiry(problem, limits, ground(problem)).explanation(outcome.reason)
+    return _InfeasibilityInquiry(problem, limits, ground(problem)).explanation(outcome.reason)
 
 
 @dataclass(frozen=True, slots=True)
-class _Inquiry:
+class _InfeasibilityInquiry:
     problem: Problem
-    limits: Limits
-    task: Task
+    limits: SearchLimits
+    task: GroundTask
 
     def explanation(self, reason: str) -> Explanation:
         """The culprits, then what would help."""
         goals = minimal_goals(self.problem, self._has_none)
         initial = tuple(a for a in self.task.names(self.task.initial) if a.name not in ("not", "_stage"))
-        space = Space.of(self.problem, initial)
+        space = ProblemSpace.of(self.problem, initial)
         barred = out_of_range(self.problem, goals[0]) if len(goals) == 1 else ()
         excluded = barred or tuple(
             self._exclusions(goals, space)
         )  # before the long search, which a limit may end
-        advice = Advice(
+        advice = ChangeSearch(
             space,
             self.problem,
             tuple(map(str, goals)),
-            lambda each: self._planned(each, self._trial),
+            lambda variant: self._planned(variant, self._trial),
             self.limits.interrupted,
         )
         asked = (
-            () if barred else (*companions(self.problem, goals, space, advice.planned), *advice.smallest())
+            ()
+            if barred
+            else (*find_companions(self.problem, goals, space, advice.planned), *advice.smallest())
         )
-        changes = [self._told(change, found) for change, found in asked]
-        lacking = () if barred or changes or advice.untried else tuple(gaps(only(self.problem, goals), space))
+        changes = [self._told(change, amendment_plan) for change, amendment_plan in asked]
+        lacking = (
+            ()
+            if barred or changes or advice.untried
+            else tuple(missing_operators(with_goals_only(self.problem, goals), space))
+        )
         if len(goals) > 1 or not changes:
             changes += self._drops(goals)
         return Explanation(
@@ -84,68 +97,76 @@ class _Inquiry:
         )
 
     @property
-    def _trial(self) -> Limits:
+    def _trial(self) -> SearchLimits:
         """What may be done for one change. Few changes help."""
-        return replace(self.limits, expansions=min(self.limits.expansions, TRIAL), doubtful=True)
+        return replace(
+            self.limits, expansions=min(self.limits.expansions, MAX_TRIAL_EXPANSIONS), doubtful=True
+        )
 
-    def _exclusions(self, goals: Sequence[Goal], space: Space) -> Iterator[str]:
+    def _exclusions(self, goals: Sequence[GoalOrStage], space: ProblemSpace) -> Iterator[str]:
         """What is never true at once: two goals, or needs of the step that would reach the only one."""
         if len(goals) > 1:
-            yield from exclusions(self.problem, goals)
+            yield from exclusive_goals(self.problem, goals)
         elif space.reachable:
-            yield from conflicts(
+            yield from conflicting_needs(
                 self.problem,
                 goals[0],
                 space,
-                lambda each: isinstance(self._planned(each, self._trial), Infeasible),
+                lambda variant: isinstance(self._planned(variant, self._trial), Infeasible),
             )
 
-    def _drops(self, goals: Sequence[Goal]) -> Iterator[Amendment]:
+    def _drops(self, goals: Sequence[GoalOrStage]) -> Iterator[Amendment]:
         """The goals without any one of which there is a plan. A chain is dropped whole."""
         for goal in goals:
             drop = Amendment(goal=goal.whole)
-            outcome = self._planned(changed(self.problem, drop))
+            outcome = self._planned(apply_amendment(self.problem, drop))
             if isinstance(outcome, Found):
                 yield self._told(drop, outcome)
 
-    def _planned(self, problem: Problem, limits: Limits | None = None) -> Outcome | None:
+    def _planned(self, problem: Problem, limits: SearchLimits | None = None) -> Outcome | None:
         """The answer to a variant of the problem, with a part of the goals if nothing else is said; None if it contradicts itself."""
-        part = replace(self.limits, expansions=min(self.limits.expansions, PART))
+        part = replace(self.limits, expansions=min(self.limits.expansions, MAX_PART_EXPANSIONS))
         try:
-            return planning.plan(problem, limits or part)
+            return checked_plan.plan_problem(problem, limits or part)
         except InvalidInput:
             return None
 
     def _has_none(self, problem: Problem) -> bool | None:
         """Whether a problem has no plan; None if that is not decided."""
         part = replace(
-            self.limits, expansions=min(self.limits.expansions, PART), improvement=0, restarts=0, room=None
+            self.limits,
+            expansions=min(self.limits.expansions, MAX_PART_EXPANSIONS),
+            improvement=0,
+            restarts=0,
+            room=None,
         )
         outcome = self._planned(problem, part)
         return isinstance(outcome, Infeasible) if isinstance(outcome, Found | Infeasible) else None
 
-    def _told(self, change: Amendment, found: Found) -> Amendment:
+    def _told(self, change: Amendment, proving: Found) -> Amendment:
         """The change with its proof."""
-        missing = tuple(self._chain(found.plan, change))
-        return replace(change, proof=len(found.plan.steps), missing=missing)
+        missing = tuple(self._chain(proving.plan, change))
+        return replace(change, proof=len(proving.plan.steps), missing=missing)
 
     def _chain(self, plan: Plan, change: Amendment) -> Iterator[str]:
         """From the goal down to the first step that was out of reach before, and what it needs."""
-        known: frozenset[Function] = frozenset(operator.instance for operator in self.task.operators)
-        first = next((step.id for step in plan.steps if step.operator not in known), None)
+        reachable_operators: frozenset[Function] = frozenset(
+            operator.instance for operator in self.task.operators
+        )
+        first = next((step.id for step in plan.steps if step.operator not in reachable_operators), None)
         if first is None or not change.edits:
             return
         operators = {step.id: step.operator for step in plan.steps}
         consumers = {link.producer: link for link in plan.links if link.condition.name != "_stage"}
-        consumers |= {link.producer: link for link in plan.links if link.consumer == GOAL}
+        consumers |= {link.producer: link for link in plan.links if link.consumer == GOAL_STEP}
         path: list[str] = []
         step: StepId = first
-        while step in consumers and step != GOAL:
+        while step in consumers and step != GOAL_STEP:
             link = consumers[step]
             path.append(f"{link.condition} needs {operators[step]}")
             step = link.consumer
         yield from reversed(path)
         if len(change.edits) == 1:
             edit = change.edits[0]
-            what = "is out of reach because of" if edit.added is None else "needs"
-            yield f"{operators[first]} {what} {edit.fact}"
+            relation = "is out of reach because of" if edit.added is None else "needs"
+            yield f"{operators[first]} {relation} {edit.fact}"

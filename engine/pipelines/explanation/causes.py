@@ -1,10 +1,10 @@
-"""What would make something true: steps and consequences, each with what it needs for that, by what is static."""
+"""Finds what would make a fact true: steps and consequences, each with what it needs."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from cellwright.engine.stages.validation.datalog import solve
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.validation.condition_solving import solve_conditions
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.model.conditions import (
     Body,
     BodyPart,
@@ -15,7 +15,7 @@ from cellwright.kb.model.conditions import (
     goal_parts,
     substitute_part,
 )
-from cellwright.kb.model.domain import NUMERIC_TYPES, Effect, Kind, Operator
+from cellwright.kb.model.domain_model import NUMERIC_TYPES, Effect, Kind, Operator
 from cellwright.kb.terms import (
     Atom,
     Function,
@@ -23,13 +23,13 @@ from cellwright.kb.terms import (
     Term,
     Variable,
     is_ground,
-    match,
+    match_term,
     substitute_atom,
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class PossibleCause:
     """A step that makes something true, or the fact itself where it follows from another one, and what it needs.
 
     `operator` and `bindings` are those of the step.
@@ -43,77 +43,87 @@ class Cause:
     @property
     def atoms(self) -> Iterator[Atom]:
         """What has to be true."""
-        return (each.atom for each in self.needs if isinstance(each, Literal) and each.positive)
+        return (need.atom for need in self.needs if isinstance(need, Literal) and need.positive)
 
 
-def causes(semantics: Semantics, atom: Atom) -> Iterator[Cause]:
+def find_causes(semantics: Semantics, atom: Atom) -> Iterator[PossibleCause]:
     """Every step and every deductive operator that could make an atom true."""
     for operator in semantics.problem.domain.operators:
-        for effect in (each for each in operator.effects if each.adds):
-            for found in _solutions(semantics, atom, effect.atom, operator.parameters, operator.body):
-                needs = (*plain(operator.precondition), *plain(effect.condition))
-                yield Cause(
-                    str(substitute_atom(operator.header, found)),
-                    tuple(substitute_part(each, found) for each in needs),
+        for effect in (effect for effect in operator.effects if effect.adds):
+            for solution in _cause_bindings(semantics, atom, effect.atom, operator.parameters, operator.body):
+                needs = (*plain_conjuncts(operator.precondition), *plain_conjuncts(effect.condition))
+                yield PossibleCause(
+                    str(substitute_atom(operator.header, solution)),
+                    tuple(substitute_part(need, solution) for need in needs),
                     operator,
-                    tuple((each, found[each]) for each in operator.variables if each in found),
+                    tuple(
+                        (variable, solution[variable])
+                        for variable in operator.variables
+                        if variable in solution
+                    ),
                 )
     for rule in semantics.problem.domain.deductive_operators:
-        for each in (each for each in rule.consequences if each.implied):
-            parameters = (*rule.parameters, *each.parameters)
-            for found in _solutions(semantics, atom, each.atom, parameters, (*rule.body, *each.body)):
-                trigger = Literal(substitute_atom(rule.trigger.atom, found), rule.trigger.positive)
-                yield Cause(str(atom), (trigger,))
+        for implication in (consequence for consequence in rule.consequences if consequence.implied):
+            parameters = (*rule.parameters, *implication.parameters)
+            for solution_entry in _cause_bindings(
+                semantics, atom, implication.atom, parameters, (*rule.body, *implication.body)
+            ):
+                trigger = Literal(substitute_atom(rule.trigger.atom, solution_entry), rule.trigger.positive)
+                yield PossibleCause(str(atom), (trigger,))
 
 
-def plain(condition: Condition) -> tuple[Literal | Comparison, ...]:
+def plain_conjuncts(condition: Condition) -> tuple[Literal | Comparison, ...]:
     """The conjuncts of a condition that are literals or comparisons."""
     return tuple(part for part in goal_parts(condition) if isinstance(part, Literal | Comparison))
 
 
-def _solutions(
-    semantics: Semantics, atom: Atom, made: Atom, parameters: Iterable[Parameter], body: Body
+def _cause_bindings(
+    semantics: Semantics, atom: Atom, made_atom: Atom, parameters: Iterable[Parameter], body: Body
 ) -> Iterator[Substitution]:
     """The values with which what is made is the atom, and the static body holds."""
-    bound: dict[Variable, Term] | None = {} if made.name == atom.name else None
-    for own, wanted in zip(made.arguments, atom.arguments, strict=False):
-        if bound is not None and is_ground(wanted):
-            bound = match(own, wanted, bound)
+    bound: dict[Variable, Term] | None = {} if made_atom.name == atom.name else None
+    for own, wanted_argument in zip(made_atom.arguments, atom.arguments, strict=False):
+        if bound is not None and is_ground(wanted_argument):
+            bound = match_term(own, wanted_argument, bound)
     if bound is not None:
-        yield from solve((*_typed(semantics, parameters), *semantics.body(body)), semantics.statics, bound)
+        yield from solve_conditions(
+            (*_type_literals(semantics, parameters), *semantics.body(body)), semantics.statics, bound
+        )
 
 
-def _typed(semantics: Semantics, parameters: Iterable[Parameter]) -> tuple[Literal, ...]:
+def _type_literals(semantics: Semantics, parameters: Iterable[Parameter]) -> tuple[Literal, ...]:
     types = semantics.problem.domain.types
     return tuple(
-        Literal(Function(each.type, (each.variable,)))
-        for each in parameters
-        if each.type not in NUMERIC_TYPES and each.type in types
+        Literal(Function(parameter.type, (parameter.variable,)))
+        for parameter in parameters
+        if parameter.type not in NUMERIC_TYPES and parameter.type in types
     )
 
 
 @dataclass(frozen=True, slots=True)
-class Company:
+class CompanionEvent:
     """An event that a step lets happen besides another one, and under which conditions it does."""
 
     event: Atom
     when: tuple[BodyPart, ...]
 
 
-def company(semantics: Semantics, cause: Cause) -> Iterator[Company]:
+def ground_companions(semantics: Semantics, cause: PossibleCause) -> Iterator[CompanionEvent]:
     """The events that a step lets happen, each with the condition under which it does."""
-    return (each for each in happening(semantics, cause) if is_ground(each.event))
+    return (companion for companion in possible_companions(semantics, cause) if is_ground(companion.event))
 
 
-def happening(semantics: Semantics, cause: Cause) -> Iterator[Company]:
+def possible_companions(semantics: Semantics, cause: PossibleCause) -> Iterator[CompanionEvent]:
     """`company`, with the events of which a number is not known."""
     domain, bindings = semantics.problem.domain, dict(cause.bindings)
     for effect in cause.operator.effects if cause.operator is not None else ():
         if effect.adds and domain.predicates[effect.atom.name].kind is Kind.EVENT:
-            for found in _happening(semantics, effect, bindings):
-                when = tuple(substitute_part(each, found) for each in plain(effect.condition))
-                yield Company(substitute_atom(effect.atom, found), when)
+            for solution in _effect_bindings(semantics, effect, bindings):
+                when = tuple(
+                    substitute_part(condition, solution) for condition in plain_conjuncts(effect.condition)
+                )
+                yield CompanionEvent(substitute_atom(effect.atom, solution), when)
 
 
-def _happening(semantics: Semantics, effect: Effect, bindings: Substitution) -> Iterator[Substitution]:
-    return solve(_typed(semantics, effect.parameters), semantics.statics, dict(bindings))
+def _effect_bindings(semantics: Semantics, effect: Effect, bindings: Substitution) -> Iterator[Substitution]:
+    return solve_conditions(_type_literals(semantics, effect.parameters), semantics.statics, dict(bindings))

@@ -1,1 +1,5 @@
-"""Motions of arms in a cell: what a person names becomes configurations, and the planners join them."""
+"""Motions of arms: paths and times for every step of a plan, poses for measurements, and images."""
+
+from cellwright.engine.pipelines.motion.plan_walk import PlanWalk
+
+__all__ = ["PlanWalk"]

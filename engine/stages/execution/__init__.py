@@ -4,33 +4,38 @@
 and to what is to be done. Who calls it waits for replies, writes the journal and reads the clock.
 """
 
-from cellwright.engine.stages.execution.events import (
+from cellwright.engine.stages.execution.activity_program import Activity, ActivityProgram, Dwell
+from cellwright.engine.stages.execution.run_events import (
     Began,
+    CommandFailed,
     Completed,
     Continued,
     Dispatch,
     Done,
     Effect,
     Event,
-    Failed,
     Failure,
     Halt,
     Handle,
     Interrupted,
-    Passed,
     Paused,
     Quiesce,
     Replied,
-    Stopped,
+    StopCommanded,
     Threatened,
+    TimePassed,
     Withdrawn,
 )
-from cellwright.engine.stages.execution.machine import TIMEOUT, advance, next_time, waits
-from cellwright.engine.stages.execution.program import Activity, Dwell, Program
-from cellwright.engine.stages.execution.standing import Running, Standing, standing_of, unrested_after
+from cellwright.engine.stages.execution.run_state import ExecutiveState, Running, standing_of, unrested_after
+from cellwright.engine.stages.execution.transition_table import (
+    TIMEOUT_REPLY,
+    advance_run,
+    next_time,
+    only_waits,
+)
 
 __all__ = [
-    "TIMEOUT",
+    "TIMEOUT_REPLY",
     "Activity",
     "Began",
     "Completed",
@@ -40,24 +45,24 @@ __all__ = [
     "Dwell",
     "Effect",
     "Event",
-    "Failed",
+    "CommandFailed",
     "Failure",
     "Halt",
     "Handle",
     "Interrupted",
-    "Passed",
+    "TimePassed",
     "Paused",
-    "Program",
+    "ActivityProgram",
     "Quiesce",
     "Replied",
     "Running",
-    "Standing",
-    "Stopped",
+    "ExecutiveState",
+    "StopCommanded",
     "Threatened",
     "Withdrawn",
-    "advance",
+    "advance_run",
     "next_time",
     "standing_of",
     "unrested_after",
-    "waits",
+    "only_waits",
 ]

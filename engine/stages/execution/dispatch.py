@@ -1,40 +1,82 @@
-"""Which activities begin now: those whose predecessors have ended and whose resources are free, in the forecast's order.
+"""Which activities begin now: their predecessors have ended, their resources are free.
 
 One that stands behind others on a resource may overtake them only if it ends before the soonest of them can begin. Streams
 that take several commands at once get them ahead of time, with a WAIT before each that waits for another stream (ITA).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from cellwright.engine.stages.execution.estimate import soonest
-from cellwright.engine.stages.execution.events import Dispatch
-from cellwright.engine.stages.execution.program import Activity, Program
-from cellwright.engine.stages.execution.standing import Running, Standing
+from cellwright.engine.stages.execution.activity_program import Activity, ActivityProgram
+from cellwright.engine.stages.execution.run_events import Dispatch
+from cellwright.engine.stages.execution.run_state import ExecutiveState, Running
+
+MAX_LOOKBACK = 12  # predecessors in a row that are looked at
 
 
-def dispatched(program: Program, standing: Standing) -> tuple[Standing, tuple[Dispatch, ...]]:
+def soonest_start(
+    program: ActivityProgram, ends: Mapping[int, int], ready: frozenset[int], now_ms: int, activity: int
+) -> int:
+    """The soonest start of an activity that has not begun; `ends` is when those under way will probably end."""
+    known: dict[int, int] = {}
+
+    def start(successor: int, depth: int) -> int:
+        if successor in ready or depth == 0:
+            return now_ms
+        if successor not in known:
+            known[successor] = max(
+                (end(before, depth - 1) for before in program.activities[successor].after), default=now_ms
+            )
+        return known[successor]
+
+    def end(predecessor: int, depth: int) -> int:
+        if predecessor in ends:
+            return max(now_ms, ends[predecessor])
+        if not _is_open(program, predecessor, ready, ends, depth):
+            return now_ms
+        return start(predecessor, depth) + program.activities[predecessor].lasts_ms
+
+    return start(activity, MAX_LOOKBACK)
+
+
+def _is_open(
+    program: ActivityProgram, predecessor: int, ready: frozenset[int], ends: Mapping[int, int], depth: int
+) -> bool:
+    """Whether an activity has not ended, as far as can be seen from what is ready or under way."""
+    if predecessor in ready or predecessor in ends:
+        return True
+    return depth > 0 and any(
+        _is_open(program, b, ready, ends, depth - 1) for b in program.activities[predecessor].after
+    )
+
+
+def dispatch_activities(
+    program: ActivityProgram, standing: ExecutiveState
+) -> tuple[ExecutiveState, tuple[Dispatch, ...]]:
     """The standing after everything that can begin has begun, and the commands for it."""
-    board = _Board(program, standing)
+    board = _DispatchBoard(program, standing)
     if standing.ready:
-        for activity in sorted(standing.ready, key=lambda each: (program.activities[each].start_ms, each)):
+        for activity in sorted(
+            standing.ready,
+            key=lambda activity_number: (program.activities[activity_number].start_ms, activity_number),
+        ):
             board.begin(program.activities[activity])
     if program.lookahead:
         board.queue()
     return board.standing(), tuple(board.sent)
 
 
-class _Board:
+class _DispatchBoard:
     """A standing while activities are being begun on it."""
 
-    def __init__(self, program: Program, standing: Standing) -> None:
+    def __init__(self, program: ActivityProgram, standing: ExecutiveState) -> None:
         self.program, self.old = program, standing
         self.ready, self.running = set(standing.ready), dict(standing.running)
         self.busy, self.heads, self.ahead = dict(standing.busy), dict(standing.heads), set(standing.ahead)
         self.open, self.waits, self.number = dict(standing.open), dict(standing.waits), standing.number
         self.sent: list[Dispatch] = []
 
-    def standing(self) -> Standing:
+    def standing(self) -> ExecutiveState:
         """The standing that has come of it."""
         if not self.sent:
             return self.old
@@ -65,18 +107,18 @@ class _Board:
     def _delays_nobody(self, activity: Activity, resource: str) -> bool:
         """Whether those that stand before an activity on a resource can begin no sooner than it ends."""
         place, queue = self.program.places[activity.id][resource], self.program.queues[resource]
-        before = [each for each in queue[self.heads[resource] : place] if each not in self.ahead]
+        before = [queued for queued in queue[self.heads[resource] : place] if queued not in self.ahead]
         if not before:
             return True
         end = self.old.now_ms + activity.lasts_ms
-        return all(end <= self._soonest(each) for each in before)
+        return all(end <= self._soonest(queued) for queued in before)
 
     def _soonest(self, activity: int) -> int:
         ends = {
             r.activity: r.since_ms + self.program.activities[r.activity].lasts_ms
             for r in self.running.values()
         }
-        return soonest(self.program, ends, frozenset(self.ready), self.old.now_ms, activity)
+        return soonest_start(self.program, ends, frozenset(self.ready), self.old.now_ms, activity)
 
     def _send(self, activity: Activity) -> None:
         self.sent.append(Dispatch(self.number, activity.id, activity.stream))
@@ -111,8 +153,10 @@ class _Board:
         for stream, depth in self.program.lookahead.items():
             if depth < 2 or self.old.frozen:
                 continue
-            while len(self._in_stream(stream)) < depth and (found := next(self._next_in(stream), None)):
-                activity, awaited = found
+            while len(self._in_stream(stream)) < depth and (
+                next_activity := next(self._next_in(stream), None)
+            ):
+                activity, awaited = next_activity
                 if awaited:
                     self.sent.append(Dispatch(self.number, None, stream))
                     self.waits[self.number] = (stream, awaited)
@@ -123,8 +167,8 @@ class _Board:
         """The next activity of a stream if all that it waits for is under way, and what of that is in other streams."""
         own = frozenset(self._in_stream(stream))
         others = frozenset(r.activity for r in self.running.values()) - own
-        for each in self._candidates(own | others):
-            activity = self.program.activities[each]
+        for candidate in self._candidates(own | others):
+            activity = self.program.activities[candidate]
             if activity.stream != stream or (self.program.timed and activity.start_ms > self.old.now_ms):
                 continue
             awaited = {before for before in activity.after if before in others}
@@ -134,13 +178,24 @@ class _Board:
 
     def _candidates(self, underway: frozenset[int]) -> list[int]:
         """The activities that wait only for what is under way, in the forecast's order."""
-        later = {each for one in underway for each in self.program.successors[one]} - self.ahead - underway
-        waiting = {each for each in later if self._waits_only_for(each, underway)}
-        return sorted(waiting | self.ready, key=lambda each: (self.program.activities[each].start_ms, each))
+        later = (
+            {
+                successor
+                for activity_underway in underway
+                for successor in self.program.successors[activity_underway]
+            }
+            - self.ahead
+            - underway
+        )
+        waiting = {candidate for candidate in later if self._waits_only_for(candidate, underway)}
+        return sorted(
+            waiting | self.ready,
+            key=lambda candidate: (self.program.activities[candidate].start_ms, candidate),
+        )
 
-    def _waits_only_for(self, each: int, underway: frozenset[int]) -> bool:
-        activity = self.program.activities[each]
-        left = self.old.open.get(each, len(activity.after))
+    def _waits_only_for(self, candidate: int, underway: frozenset[int]) -> bool:
+        activity = self.program.activities[candidate]
+        left = self.old.open.get(candidate, len(activity.after))
         return left == sum(before in underway for before in activity.after)
 
     def _is_next(self, activity: Activity, resource: str) -> bool:

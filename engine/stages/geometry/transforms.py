@@ -1,10 +1,11 @@
-"""Poses of files as homogeneous matrices (..., 4, 4); what is done with matrices is in `cellwright.engine.kernels.rigid`."""
+"""Poses of files as homogeneous matrices (..., 4, 4), and back."""
 
 import functools
 import math
 
 import numpy as np
 
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.geometry.angles import angle_of
 from cellwright.engine.kernels.linear import matmul
 from cellwright.engine.kernels.rigid import apply as apply
@@ -14,17 +15,16 @@ from cellwright.engine.kernels.rigid import rotation as rotation
 from cellwright.engine.kernels.rigid import rotation_vector as rotation_vector
 from cellwright.engine.kernels.rigid import transform as transform
 from cellwright.engine.kernels.rigid import translation as translation
-from cellwright.engine.model.geometry import Floats
-from cellwright.kb.model.shapes import Offsets, Pose
+from cellwright.kb.model.body_shapes import Offsets, Pose
 
 
 def of_pose(pose: Pose) -> Floats:
     """The matrix (4, 4) of a pose: R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    return _matrix(pose).copy()
+    return _pose_matrix(pose).copy()
 
 
 @functools.lru_cache(4096)
-def _matrix(pose: Pose) -> Floats:
+def _pose_matrix(pose: Pose) -> Floats:
     """The same matrix, made once: a cell has few poses, and every scene of it asks for all of them."""
     roll, pitch, yaw = pose.rpy_rad
     R = matmul(rotation((0, 0, 1), yaw), rotation((0, 1, 0), pitch), rotation((1, 0, 0), roll))

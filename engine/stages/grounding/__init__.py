@@ -6,86 +6,104 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
-from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset
-from cellwright.engine.stages.grounding.aggregates import expanded
-from cellwright.engine.stages.grounding.ambiguity import ambiguities
-from cellwright.engine.stages.grounding.batches import Batches
-from cellwright.engine.stages.grounding.closure import deduction
-from cellwright.engine.stages.grounding.derived import Rules, Support, Supports, supports_of
-from cellwright.engine.stages.grounding.diagnostics import amiss, contradictions, violations
-from cellwright.engine.stages.grounding.diagrams import decide
-from cellwright.engine.stages.grounding.firing import firing
-from cellwright.engine.stages.grounding.goals import Goals, Parted, layered
-from cellwright.engine.stages.grounding.initial import default_instances as default_instances
-from cellwright.engine.stages.grounding.initial import initial_state
-from cellwright.engine.stages.grounding.instances import Doubt, Instances
-from cellwright.engine.stages.grounding.invariants import mutex_groups
-from cellwright.engine.stages.grounding.layers import axioms
-from cellwright.engine.stages.grounding.levels import Numbers, unmeetable, with_tests
-from cellwright.engine.stages.grounding.limits import suspects
-from cellwright.engine.stages.grounding.numbering import DERIVED, Numbering, complemented
-from cellwright.engine.stages.grounding.numeric import COMPARED, without_quantities
-from cellwright.engine.stages.grounding.program import (
-    Vocabulary,
-    conditionals,
-    instance,
+from cellwright.engine.kernels.bits import Bits, bitset
+from cellwright.engine.model.ground_task import GroundOperator, GroundTask
+from cellwright.engine.stages.grounding.atom_deduction import build_deduction
+from cellwright.engine.stages.grounding.derived_atoms import (
+    Rules,
+    Support,
+    Supports,
+    layer_axioms,
+    supports_of,
+)
+from cellwright.engine.stages.grounding.fluent_aggregates import decide_aggregates, expand_aggregates
+from cellwright.engine.stages.grounding.ground_diagnostics import (
+    find_ambiguities,
+    report_contradictions,
+    report_invalid_amounts,
+    violated_constraints,
+)
+from cellwright.engine.stages.grounding.ground_goals import (
+    GoalAlternatives,
+    TaskWithoutGoals,
+    criticality_weights,
+    derive_alternative_goals,
+)
+from cellwright.engine.stages.grounding.grounding_program import (
+    ChangingPredicates,
+    conditional_alternatives,
+    instance_text,
     is_conditional,
-    rule,
-    schemas,
+    precondition_schemas,
+    rule_text,
 )
-from cellwright.engine.stages.grounding.reachability import Reachability
-from cellwright.engine.stages.grounding.rows import (
+from cellwright.engine.stages.grounding.initial_facts import default_instances as default_instances
+from cellwright.engine.stages.grounding.initial_facts import initial_state
+from cellwright.engine.stages.grounding.instance_bounds import size_suspects
+from cellwright.engine.stages.grounding.mutex_invariants import drop_impossible_effects, mutex_groups
+from cellwright.engine.stages.grounding.numbered_atoms import (
+    FIRST_DERIVED_NUMBER,
+    Numbering,
+    Universe,
+    complement_effects,
+)
+from cellwright.engine.stages.grounding.numeric_quantities import (
+    COMPARISON_PREFIX,
+    TaskQuantities,
+    unsatisfiable_tests,
+    with_tests,
+    without_quantities,
+)
+from cellwright.engine.stages.grounding.operator_instances import DoubtfulDenial, Instances
+from cellwright.engine.stages.grounding.reachable_instances import (
+    ReachabilityProgram,
     conditional_changes,
-    derivations,
     happening_terms,
-    happenings,
-    instances,
-    matches,
+    read_derivations,
+    read_happenings,
+    read_instances,
+    read_matches,
 )
-from cellwright.engine.stages.grounding.turns import Turns
-from cellwright.engine.stages.grounding.universe import Universe
-from cellwright.engine.stages.grounding.weights import weights
-from cellwright.engine.stages.grounding.workflow import Workflow
+from cellwright.engine.stages.grounding.workflow_stages import EventBatches, StageTurns, Workflow
 from cellwright.kb.asp import Grounder
-from cellwright.kb.asp.statics import try_first, within_limits
+from cellwright.kb.asp.static_facts import try_first, within_limits
 from cellwright.kb.cycles import no_search_for_cycles
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
-from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.loader.problem_amounts import amounts_of
+from cellwright.kb.model.condition_forms import Normaliser
 from cellwright.kb.model.conditions import Literal, goal_parts
-from cellwright.kb.model.domain import Kind, Rule
-from cellwright.kb.model.normalise import Normaliser
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.model.workflow import Listed, holding, late_stages
+from cellwright.kb.model.domain_model import Kind, Rule
+from cellwright.kb.model.planning_problem import Listed, Problem, late_stages, stage_holds
 from cellwright.kb.terms import Atom, Function
 
-Made = TypeVar("Made", Task, Parted)
+Made = TypeVar("Made", GroundTask, TaskWithoutGoals)
 
 
-def ground(problem: Problem) -> Task:
+def ground(problem: Problem) -> GroundTask:
     """The ground task of a problem.
 
     Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and
     ambiguities among deductive operators, and a grounding that exceeds its limits.
     """
-    return _grounded(problem, _Grounding.task)
+    return _run_grounding(problem, _Grounding.task)
 
 
-def ground_parts(problem: Problem) -> Parted:
+def ground_parts(problem: Problem) -> TaskWithoutGoals:
     """The ground task of a problem whose goals are `separable`, to be asked for each conjunct and chain by itself.
 
     The other goals change which atoms have a number, but not what can be reached: the steps that move other chains are left
     out. Raises as `ground` does.
     """
-    return _grounded(problem, _Grounding.parts)
+    return _run_grounding(problem, _Grounding.parts)
 
 
-def separable(problem: Problem) -> bool:
+def has_separable_chains(problem: Problem) -> bool:
     """Whether each chain can be left out by leaving out the steps that move it.
 
     That is not so where chains wait for others, where no step may reach a stage before its turn, and where a step does
     something to whatever is there: then a chain that is not wanted changes what steps need.
     """
-    events = {name for name, each in problem.domain.predicates.items() if each.kind is Kind.EVENT}
+    events = {name for name, predicate in problem.domain.predicates.items() if predicate.kind is Kind.EVENT}
     batches = any(
         is_conditional(effect) and effect.atom.name in events
         for operator in problem.domain.operators
@@ -95,22 +113,22 @@ def separable(problem: Problem) -> bool:
     return not (batches or waiting or late_stages(problem.chains, problem.domain))
 
 
-def _grounded(problem: Problem, made: Callable[["_Grounding"], Made]) -> Made:
+def _run_grounding(problem: Problem, result_of: Callable[["_Grounding"], Made]) -> Made:
     with no_search_for_cycles():
         grounding = _Grounding(problem)
-        with within_limits(lambda: suspects(problem, grounding.schemas)):
-            found = made(grounding)
+        with within_limits(lambda: size_suspects(problem, grounding.schemas)):
+            result = result_of(grounding)
     if grounding.found:
         raise InvalidInput(grounding.found)
-    return found
+    return result
 
 
-def reachable_operators(task: Task) -> frozenset[str]:
+def reachable_operators(task: GroundTask) -> frozenset[str]:
     """The names of the operators that have at least one instance in the task."""
     return frozenset(operator.instance.name for operator in task.operators)
 
 
-def reachable_atoms(task: Task) -> frozenset[Atom]:
+def reachable_atoms(task: GroundTask) -> frozenset[Atom]:
     """The atoms that are true at the start or that some operator can add."""
     added = task.initial
     for operator in task.operators:
@@ -128,7 +146,7 @@ class _Compiled:
     operators: list[GroundOperator]
     start: Bits
     goals: list[Bits]
-    doubts: list[Doubt]
+    doubts: list[DoubtfulDenial]
 
 
 class _Grounding:
@@ -142,51 +160,67 @@ class _Grounding:
         self.problem, self.domain = self.taken.problem, self.taken.problem.domain
         self.found: list[Diagnostic] = []
         normaliser = Normaliser()
-        compared = [Rule(each.head, ()) for each in self.taken.tests]
-        vocabulary = Vocabulary(self.domain, compared)
-        self.schemas = list(schemas(self.domain, normaliser, vocabulary))
-        found = list(conditionals(self.domain, normaliser, vocabulary))
-        self.batches = [each for each in found if each.effect.atom.name in vocabulary.events]
-        self.conditionals = [each for each in found if each not in self.batches]
+        compared = [Rule(test.head, ()) for test in self.taken.tests]
+        vocabulary = ChangingPredicates(self.domain, compared)
+        self.schemas = list(precondition_schemas(self.domain, normaliser, vocabulary))
+        conditional_effects = list(conditional_alternatives(self.domain, normaliser, vocabulary))
+        self.batches = [
+            conditional
+            for conditional in conditional_effects
+            if conditional.effect.atom.name in vocabulary.events
+        ]
+        self.conditionals = [
+            conditional for conditional in conditional_effects if conditional not in self.batches
+        ]
         self.goals = [normaliser.disjuncts(part, {}) for part in goal_parts(self.problem.goal)]
-        plain = expanded(self.domain.rules, self.domain, Vocabulary(self.domain).is_dynamic)
+        plain = expand_aggregates(self.domain.rules, self.domain, ChangingPredicates(self.domain).is_dynamic)
         self.reach, self.fittings = plain.reach, plain.fittings
         self.rules = [*plain.rules, *normaliser.rules]
         invented = [*normaliser.rules, *plain.rules, *plain.reach, *compared]
-        self.vocabulary = Vocabulary(self.domain, invented)
+        self.vocabulary = ChangingPredicates(self.domain, invented)
         declared = self.domain.predicates
         self.invented = {r.head.name: len(r.head.arguments) for r in invented if r.head.name not in declared}
 
-    def task(self) -> Task:
+    def task(self) -> GroundTask:
         """The task. It is meaningless if `found` is not empty."""
         return self._grounded(apart=False).task
 
-    def parts(self) -> Parted:
+    def parts(self) -> TaskWithoutGoals:
         """The task without goals, and the ways to satisfy each of them. It is meaningless if `found` is not empty."""
         return self._grounded(apart=True)
 
-    def _grounded(self, apart: bool) -> Parted:
+    def _grounded(self, apart: bool) -> TaskWithoutGoals:
         initial, contradicted = initial_state(self.problem, self.vocabulary)
         self.found += contradicted
         universe = self._reachable(initial)
-        rules = derivations(self.rules, self.vocabulary, universe)
-        effects = deduction(self.domain, self.vocabulary, universe)
-        decide(self.fittings, universe, effects.denied, rules)
+        rules = read_derivations(self.rules, self.vocabulary, universe)
+        effects = build_deduction(self.domain, self.vocabulary, universe)
+        decide_aggregates(self.fittings, universe, effects.denied, rules)
         workflow = Workflow(
-            self.problem, universe, len(universe.atoms), self.vocabulary.events, holding(Listed(initial))
+            self.problem, universe, len(universe.atoms), self.vocabulary.events, stage_holds(Listed(initial))
         )
-        batches = Batches(workflow, happenings(self.batches, self.schemas, universe), universe, rules)
+        batches = EventBatches(
+            workflow, read_happenings(self.batches, self.schemas, universe), universe, rules
+        )
         changes = conditional_changes(self.conditionals, self.schemas, universe)
         start = bitset([universe.index[atom] for atom in initial])
-        turns = Turns(self.domain, workflow, universe, start, effects, changes, rules)
+        turns = StageTurns(self.domain, workflow, universe, start, effects, changes, rules)
         supports = self._supports(universe, rules)
         ways = self._ways(universe, supports, rules)
-        goals = Goals([] if apart else ways, len(universe.atoms) + len(workflow.atoms))
+        goals = GoalAlternatives([] if apart else ways, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
         amounts = amounts_of(self.problem, universe.facts)
-        made = Instances(universe, effects, supports, workflow, batches, turns, numbering, changes, amounts)
-        operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
-        self.found += [*contradictions(made, universe), *amiss(made)]
+        ground_instances = Instances(
+            universe, effects, supports, workflow, batches, turns, numbering, changes, amounts
+        )
+        operators = [
+            *ground_instances.operators(read_instances(self.schemas, self.vocabulary, universe)),
+            *workflow.reaching,
+        ]
+        self.found += [
+            *report_contradictions(ground_instances, universe),
+            *report_invalid_amounts(ground_instances),
+        ]
         start |= workflow.initial | goals.initial
         alternatives, completed = goals.compiled(operators, numbering)
         single = tuple(tuple(map(numbering.bits, part)) for part in ways) if apart else ()
@@ -196,37 +230,41 @@ class _Grounding:
                 completed,
                 start,
                 [goal | workflow.goal for goal in alternatives],
-                [] if contradicted else made.doubts,  # then two atoms of a mutex group may be true
+                []
+                if contradicted
+                else ground_instances.doubts,  # then two atoms of a mutex group may be true
             ),
             universe,
             rules,
             numbering,
         )
-        return Parted(task, single, dict(workflow.counted(universe)) if apart else {})
+        return TaskWithoutGoals(task, single, dict(workflow.counted(universe)) if apart else {})
 
     def _with_axioms(
         self, compiled: "_Compiled", universe: Universe, rules: Rules, numbering: Numbering
-    ) -> Task:
+    ) -> GroundTask:
         """The task with axioms for derived atoms, complements of atoms, and quantities."""
-        layers = axioms(rules, numbering, lambda atom: self._compares(universe, atom))
+        layers = layer_axioms(rules, numbering, lambda atom: self._compares(universe, atom))
         complements = bitset([c for a, c in numbering.complements.items() if not compiled.start >> a & 1])
-        atoms = [*compiled.atoms, *(_named(signed, universe) for signed in numbering.added)]
-        numbers = Numbers(self.taken, self.given.domain, atoms)
+        atoms = [*compiled.atoms, *(_signed_atom(signed, universe) for signed in numbering.added)]
+        numbers = TaskQuantities(self.taken, self.given.domain, atoms)
         tests = tuple(numbers.comparing(universe, numbering))
         layers = with_tests(layers, tests, numbering, len(atoms))
         never, complete = (
-            unmeetable(tests, numbering),
-            (complemented(o, numbering) for o in compiled.operators),
+            unsatisfiable_tests(tests, numbering),
+            (complement_effects(o, numbering) for o in compiled.operators),
         )
-        operators = [numbers.changing(each) for each in complete if not each.preconditions & never]
+        operators = [
+            numbers.changing(operator) for operator in complete if not operator.preconditions & never
+        ]
         derived = layers.derived if layers else 0
         groups = mutex_groups(atoms, operators, compiled.start | complements, derived)
         pairs = [1 << atom | 1 << complement for atom, complement in numbering.complements.items()]
-        operators = list(firing(operators, (*groups, *pairs)))
-        self.found += ambiguities(self.domain, compiled.doubts, atoms, groups)
-        weighed = weights(self.domain, atoms, operators)
+        operators = list(drop_impossible_effects(operators, (*groups, *pairs)))
+        self.found += find_ambiguities(self.domain, compiled.doubts, atoms, groups)
+        weighed = criticality_weights(self.domain, atoms, operators)
         start = compiled.start | numbers.start | complements
-        return Task(
+        return GroundTask(
             atoms if self.given.domain.quantities else tuple(atoms),
             tuple(operators),
             layers.closed(start) if layers else start,
@@ -238,24 +276,28 @@ class _Grounding:
 
     def _supports(self, universe: Universe, rules: Rules) -> Supports:
         """The supports of derived atoms. Those that compare quantities have none: they stay in the task, as axioms."""
-        numbers = range(DERIVED, DERIVED + len(universe.derived))
-        listed = [each for each in numbers if not self._compares(universe, each)]
+        numbers = range(FIRST_DERIVED_NUMBER, FIRST_DERIVED_NUMBER + len(universe.derived))
+        listed = [number for number in numbers if not self._compares(universe, number)]
         return supports_of(listed, rules, self._negated(universe))
 
     def _compares(self, universe: Universe, atom: int) -> bool:
         """Whether a derived atom compares quantities."""
-        return bool(self.taken.tests) and universe.atom(atom).name.startswith(COMPARED)
+        return bool(self.taken.tests) and universe.atom(atom).name.startswith(COMPARISON_PREFIX)
 
     def _negated(self, universe: Universe) -> Iterator[int]:
         """The derived atoms that conditions need to be false."""
         bodies = [
             *(schema.literals for schema in self.schemas),
-            *(each.literals for each in self.conditionals),
+            *(conditional.literals for conditional in self.conditionals),
             *(rule_.body for rule_ in self.rules),
             *(disjunct for part in self.goals for disjunct in part),
         ]
         names = {p.atom.name for body in bodies for p in body if isinstance(p, Literal) and not p.positive}
-        return (DERIVED + number for number, atom in enumerate(universe.derived) if atom.name in names)
+        return (
+            FIRST_DERIVED_NUMBER + number
+            for number, atom in enumerate(universe.derived)
+            if atom.name in names
+        )
 
     def _ways(self, universe: Universe, supports: Supports, rules: Rules) -> list[list[Support]]:
         """The ways to satisfy each conjunct of the goal."""
@@ -264,17 +306,26 @@ class _Grounding:
             for part, disjuncts in enumerate(self.goals)
             for number, disjunct in enumerate(disjuncts)
         }
-        found = matches(named, universe)
+        ways_by_name = read_matches(named, universe)
         parts = [
-            [way for number, _ in enumerate(disjuncts) for way in found[f"_goal_{part}_{number}"]]
+            [
+                support
+                for number, _ in enumerate(disjuncts)
+                for support in ways_by_name[f"_goal_{part}_{number}"]
+            ]
             for part, disjuncts in enumerate(self.goals)
         ]
         if supports.stay:
-            return layered([[frozenset(way) for way in part] for part in parts], universe, rules)
-        return [list(dict.fromkeys(s for way in part for s in supports.combinations(way))) for part in parts]
+            return derive_alternative_goals(
+                [[frozenset(support) for support in part] for part in parts], universe, rules
+            )
+        return [
+            list(dict.fromkeys(s for support in part for s in supports.combinations(support)))
+            for part in parts
+        ]
 
     def _reachable(self, initial: tuple[Atom, ...]) -> Universe:
-        program = Reachability(
+        program = ReachabilityProgram(
             self.taken,
             self.vocabulary,
             self.schemas,
@@ -283,16 +334,18 @@ class _Grounding:
             self.goals,
         )
         grounder, text = Grounder(), "\n".join(program.text(initial))
-        try_first(suspects(self.problem, self.schemas), text)
+        try_first(size_suspects(self.problem, self.schemas), text)
         grounder.ground(text)
-        self.found += violations(self.problem, grounder)
+        self.found += violated_constraints(self.problem, grounder)
         universe = Universe(grounder, self.vocabulary, self.invented)
-        arguments = [rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables]
-        pairs = ((each, s) for each in self.batches for s in self.schemas if each.operator is s.operator)
+        arguments = [
+            rule_text(f"_arg({v})", [instance_text(s)]) for s in self.schemas for v in s.operator.variables
+        ]
+        pairs = ((batch, s) for batch in self.batches for s in self.schemas if batch.operator is s.operator)
         universe.name_terms([*arguments, *(text for pair in pairs for text in happening_terms(*pair))])
         return universe
 
 
-def _named(signed: int, universe: Universe) -> Atom:
+def _signed_atom(signed: int, universe: Universe) -> Atom:
     """The name of a complementary or derived atom."""
     return universe.atom(signed) if signed >= 0 else Function("not", (universe.atom(~signed),))

@@ -1,4 +1,4 @@
-"""MACROPs: plans that were generalised by explaining why they work (ITA, figure 4).
+"""MACROPs, plans generalised by explaining why they work: learning them and looking them up.
 
 They are learned from plans, looked up for new problems, instantiated and checked.
 """

@@ -1,4 +1,4 @@
-"""Paths for arms between configurations: found, shortened, proved, and the reason where there is none.
+"""Motion planning between configurations of arms: paths, proofs, times, and why there is none.
 
-The stage knows scenes only through `cellwright.engine.ports.MotionGround`.
+The stage knows scenes only through `cellwright.engine.ports.MotionScene`.
 """

@@ -1,4 +1,4 @@
-"""Composite operators: instances of learned sequences of steps, used beside the ordinary operators.
+"""Composite operators: instances of learned sequences of steps, used beside ordinary operators.
 
 A sequence is given as operators with variables (macro-operators: Fikes, Hart & Nilsson 1972; Korf 1985). The
 preconditions and effects of an instance are computed from its parts, so they are right no matter how the
@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from cellwright.engine.model.task import GroundOperator
-from cellwright.kb.terms import Function, Term, Variable, match, variables
+from cellwright.engine.model.ground_task import GroundOperator
+from cellwright.kb.terms import Function, Term, Variable, match_term, term_variables
 
 Pattern = tuple[Function, ...]
 """Steps in order of execution. Each is an operator with arguments; steps may share variables."""
-COMPOSITE = Function("_composite")
+COMPOSITE_INSTANCE = Function("_composite")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Composite:
     pattern: Pattern
 
 
-def composed(parts: Sequence[GroundOperator]) -> GroundOperator | None:
+def compose_operators(parts: Sequence[GroundOperator]) -> GroundOperator | None:
     """One operator that does what the unconditional operators `parts` do one after another.
 
     None if a part deletes what a later part needs, or if the sequence adds nothing new. Atoms that the
@@ -53,14 +53,14 @@ def composed(parts: Sequence[GroundOperator]) -> GroundOperator | None:
         added, deleted = added & ~ended | part.adds, deleted & ~part.adds | ended
         cost += part.cost
     added &= ~needed
-    return GroundOperator(COMPOSITE, needed, added, deleted, cost=cost) if added else None
+    return GroundOperator(COMPOSITE_INSTANCE, needed, added, deleted, cost=cost) if added else None
 
 
 Bound = dict[str, int]
 """For the name of each variable the number of the term that it stands for."""
 
 
-class Joins:
+class PatternJoins:
     """Finds sequences of ground operators that are instances of patterns. Operators are given by number.
 
     A sequence is built step by step: the next operator must agree with the earlier ones on shared variables.
@@ -71,15 +71,17 @@ class Joins:
     def __init__(self, operators: Sequence[GroundOperator], patterns: Sequence[Pattern]) -> None:
         self.operators, self.patterns = operators, patterns
         self._names = [operator.instance.name for operator in operators]
-        self._shared = [list(_shared(pattern)) for pattern in patterns]
+        self._shared = [list(_shared_variables(pattern)) for pattern in patterns]
         self._terms: dict[Term, int] = {}
-        self._bindings: list[list[dict[int, Bound | None]]] = [[{} for _ in each] for each in patterns]
-        self._keys: list[list[dict[int, tuple[int, ...]]]] = [[{} for _ in each] for each in patterns]
+        self._bindings: list[list[dict[int, Bound | None]]] = [[{} for _ in pattern] for pattern in patterns]
+        self._keys: list[list[dict[int, tuple[int, ...]]]] = [[{} for _ in pattern] for pattern in patterns]
         self._beginning: dict[str, list[int]] = {}
         for number, pattern in enumerate(patterns):
             self._beginning.setdefault(pattern[0].name, []).append(number)
 
-    def sequences(self, first: Iterable[int], others: Sequence[int]) -> Iterator[tuple[int, tuple[int, ...]]]:
+    def sequences(
+        self, first: Iterable[int], later_operators: Sequence[int]
+    ) -> Iterator[tuple[int, tuple[int, ...]]]:
         """The instances of all patterns, each as the number of its pattern and the numbers of its operators.
 
         The first operator is one of `first`, the following ones are from `others`.
@@ -89,15 +91,15 @@ class Joins:
             for pattern in self._beginning.get(self._names[number], ()):
                 bound = self._bound(pattern, 0, number)
                 if bound is not None:
-                    for found in self._rest(pattern, (number,), bound, others, tables):
-                        yield pattern, found
+                    for sequence in self._rest(pattern, (number,), bound, later_operators, tables):
+                        yield pattern, sequence
 
     def _rest(
         self,
         pattern: int,
         begun: tuple[int, ...],
         bindings: Bound,
-        others: Sequence[int],
+        later_operators: Sequence[int],
         tables: dict[tuple[int, int], dict[tuple[int, ...], list[int]]],
     ) -> Iterator[tuple[int, ...]]:
         place = len(begun)
@@ -105,19 +107,23 @@ class Joins:
             yield begun
             return
         if (pattern, place) not in tables:
-            tables[pattern, place] = self._table(pattern, place, others)
+            tables[pattern, place] = self._table(pattern, place, later_operators)
         key = tuple([bindings[name] for name in self._shared[pattern][place]])
         for number in tables[pattern, place].get(key, ()):
             more = self._bound(pattern, place, number)
             if number not in begun and more is not None:
-                yield from self._rest(pattern, (*begun, number), {**bindings, **more}, others, tables)
+                yield from self._rest(
+                    pattern, (*begun, number), {**bindings, **more}, later_operators, tables
+                )
 
-    def _table(self, pattern: int, place: int, others: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
+    def _table(
+        self, pattern: int, place: int, later_operators: Sequence[int]
+    ) -> dict[tuple[int, ...], list[int]]:
         """The operators that can be this step of a pattern, by the values that earlier steps bind."""
         table: dict[tuple[int, ...], list[int]] = {}
         names, name = self._names, self.patterns[pattern][place].name
         keys, shared = self._keys[pattern][place], self._shared[pattern][place]
-        for number in others:
+        for number in later_operators:
             if names[number] != name:
                 continue
             key = keys.get(number)
@@ -125,46 +131,51 @@ class Joins:
                 bound = self._bound(pattern, place, number)
                 if bound is None:
                     continue
-                key = keys[number] = tuple([bound[each] for each in shared])
+                key = keys[number] = tuple([bound[name] for name in shared])
             table.setdefault(key, []).append(number)
         return table
 
     def _bound(self, pattern: int, place: int, number: int) -> Bound | None:
-        known = self._bindings[pattern][place]
-        if number not in known:
+        known_bindings = self._bindings[pattern][place]
+        if number not in known_bindings:
             operator, terms = self.operators[number], self._terms
-            found = (
-                None if operator.conditional else _matched(self.patterns[pattern][place], operator.instance)
-            )
-            known[number] = (
+            match_bindings = (
                 None
-                if found is None
-                else {each.name: terms.setdefault(term, len(terms)) for each, term in found.items()}
+                if operator.conditional
+                else _match_step(self.patterns[pattern][place], operator.instance)
             )
-        return known[number]
+            known_bindings[number] = (
+                None
+                if match_bindings is None
+                else {
+                    variable.name: terms.setdefault(term, len(terms))
+                    for variable, term in match_bindings.items()
+                }
+            )
+        return known_bindings[number]
 
 
-def _matched(step: Function, instance: Function) -> dict[Variable, Term] | None:
+def _match_step(step: Function, instance: Function) -> dict[Variable, Term] | None:
     """The result of `match` without earlier bindings.
 
     If all arguments are different variables, there is no need to call `match`.
     """
-    plain = [each for each in step.arguments if isinstance(each, Variable)]
+    plain = [argument for argument in step.arguments if isinstance(argument, Variable)]
     if len(set(plain)) == len(step.arguments) == len(instance.arguments):
         return dict(zip(plain, instance.arguments, strict=True))
-    return match(step, instance, {})
+    return match_term(step, instance, {})
 
 
-def _shared(pattern: Pattern) -> Iterator[tuple[str, ...]]:
+def _shared_variables(pattern: Pattern) -> Iterator[tuple[str, ...]]:
     """For each step the names of its variables that earlier steps bind."""
     bound: set[Variable] = set()
     for step in pattern:
-        own = dict.fromkeys(variables(step))
+        own = dict.fromkeys(term_variables(step))
         yield tuple(variable.name for variable in own if variable in bound)
         bound.update(own)
 
 
-def composites(
+def find_composites(
     operators: Sequence[GroundOperator], patterns: Sequence[Pattern], most: int
 ) -> list[Composite]:
     """The instances of patterns among operators.
@@ -173,21 +184,25 @@ def composites(
     lose more time than it saves. A pattern whose instances would exceed this limit is left out as a whole,
     and so are all patterns after it.
     """
-    found: list[Composite] = []
+    composites_found: list[Composite] = []
     most = min(most, len(operators))
     everything = range(len(operators))
     for pattern in patterns:
-        instances = Joins(operators, [pattern]).sequences(everything, everything)
+        instances = PatternJoins(operators, [pattern]).sequences(everything, everything)
         own = [numbers for _, numbers in islice(instances, most + 1)]
         most -= len(own)
         if most < 0:
             break
-        found += _composites([tuple(operators[each] for each in numbers) for numbers in own], pattern)
-    return found
+        composites_found += _compose_sequences(
+            [tuple(operators[number] for number in numbers) for numbers in own], pattern
+        )
+    return composites_found
 
 
-def _composites(sequences: Iterable[tuple[GroundOperator, ...]], pattern: Pattern) -> Iterator[Composite]:
+def _compose_sequences(
+    sequences: Iterable[tuple[GroundOperator, ...]], pattern: Pattern
+) -> Iterator[Composite]:
     for parts in sequences:
-        operator = composed(parts)
+        operator = compose_operators(parts)
         if operator is not None:
             yield Composite(operator, parts, pattern)

@@ -7,16 +7,14 @@ import time
 from dataclasses import replace
 
 from cellwright.engine.model.outcome import GaveUp, Infeasible, Statistics
-from cellwright.engine.model.schedule import Schedule, Scheduled, Timing
-from cellwright.engine.model.shop import Shop
-from cellwright.engine.stages.scheduling.batches import batch_bound
-from cellwright.engine.stages.scheduling.bounds import lower_bound
+from cellwright.engine.model.shop_scheduling import Schedule, Shop, Timing, ValidSchedule
+from cellwright.engine.stages.scheduling.beam_construction import construct_schedule
 from cellwright.engine.stages.scheduling.checker import check_schedule
-from cellwright.engine.stages.scheduling.construct import construct
-from cellwright.engine.stages.scheduling.lags import CircularLags, Lags
-from cellwright.engine.stages.scheduling.limits import ScheduleLimits
+from cellwright.engine.stages.scheduling.makespan_bounds import batch_bound, makespan_lower_bound
+from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
+from cellwright.engine.stages.scheduling.shop_analysis import CircularLags, Lags
 
-__all__ = ["ScheduleLimits", "check_schedule", "schedule"]
+__all__ = ["ScheduleLimits", "check_schedule", "schedule_shop"]
 
 
 class ScheduleRefused(Exception):
@@ -26,41 +24,43 @@ class ScheduleRefused(Exception):
     """
 
 
-def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
+def schedule_shop(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
     """The best schedule found for a shop, the proof that there is none, or the reason why the search stopped."""
     started = time.perf_counter()
     lags = Lags(shop)
     try:
-        bound = max(lower_bound(lags), batch_bound(lags))
+        bound = max(makespan_lower_bound(lags), batch_bound(lags))
     except CircularLags as error:
         return Infeasible(f"there is no schedule: the windows around {error} contradict each other")
-    first = construct(lags, bound, limits.interrupted)
+    first = construct_schedule(lags, bound, limits.interrupted)
     if first is not None:
         _require_valid(shop, first)
     constructed = time.perf_counter()
-    found = first if first is not None and first.proved else _improved(lags, bound, first, limits)
+    best = first if first is not None and first.proved else _improve_schedule(lags, bound, first, limits)
     seconds = {"first schedule": constructed - started, "search": time.perf_counter() - constructed}
-    if found is None:
+    if best is None:
         return GaveUp("no schedule was found within the limits", "time")
-    if isinstance(found, Infeasible):
-        return found
+    if isinstance(best, Infeasible):
+        return best
     counts = {
         "jobs": len(shop.jobs),
         "stages": len(shop.stages),
         "first makespan": first.makespan if first else 0,
     }
-    return _checked(shop, found, Statistics(counts, seconds))
+    return _accept_schedule(shop, best, Statistics(counts, seconds))
 
 
-def _improved(
+def _improve_schedule(
     lags: Lags, bound: int, first: Schedule | None, limits: ScheduleLimits
 ) -> Schedule | Infeasible | None:
-    from cellwright.engine.stages.scheduling.solver import improve  # the solver takes a while to load
+    from cellwright.engine.stages.scheduling.shop_solver import (
+        improve_schedule,  # the solver takes a while to load
+    )
 
-    return improve(lags, bound, horizon(lags.shop, first), first, limits)
+    return improve_schedule(lags, bound, makespan_horizon(lags.shop, first), first, limits)
 
 
-def horizon(shop: Shop, first: Schedule | None) -> int:
+def makespan_horizon(shop: Shop, first: Schedule | None) -> int:
     """A time by which everything can be done.
 
     Gaps in which nothing happens and no time must pass can be closed, so nothing need end later.
@@ -78,17 +78,19 @@ def horizon(shop: Shop, first: Schedule | None) -> int:
         work
         + waits
         + trips
-        + sum(longest[each] for each in changes)
+        + sum(longest[changed_device] for changed_device in changes)
         + max((j.release for j in shop.jobs), default=0)
     )
 
 
-def _checked(shop: Shop, found: Schedule, statistics: Statistics) -> Scheduled:
-    _require_valid(shop, found)
-    proved = found.proved or (found.lower_bound == found.makespan and not found.tardiness)
-    return Scheduled(replace(found, proved=proved), statistics)
+def _accept_schedule(shop: Shop, schedule_found: Schedule, statistics: Statistics) -> ValidSchedule:
+    _require_valid(shop, schedule_found)
+    proved = schedule_found.proved or (
+        schedule_found.lower_bound == schedule_found.makespan and not schedule_found.tardiness
+    )
+    return ValidSchedule(replace(schedule_found, proved=proved), statistics)
 
 
-def _require_valid(shop: Shop, found: Schedule) -> None:
-    if wrong := check_schedule(shop, found):
+def _require_valid(shop: Shop, schedule_found: Schedule) -> None:
+    if wrong := check_schedule(shop, schedule_found):
         raise ScheduleRefused("; ".join(wrong[:5]))

@@ -4,7 +4,7 @@ The methods are the chain of 1987 as a baseline, annealed exchanges with the bou
 CP-SAT for proofs and side conditions. What a visit is and where the costs come from is decided elsewhere.
 """
 
-from cellwright.engine.stages.sequencing.limits import Limits
-from cellwright.engine.stages.sequencing.sequence import METHODS, sequence
+from cellwright.engine.stages.sequencing.search_limits import TourLimits
+from cellwright.engine.stages.sequencing.tour_solver import METHODS, sequence_tour
 
-__all__ = ["METHODS", "Limits", "sequence"]
+__all__ = ["METHODS", "TourLimits", "sequence_tour"]

@@ -1,10 +1,9 @@
-"""The filters that come with the engine: stability and the designer's templates. Others are plug-ins."""
+"""Filters of contact states that come with the engine: stability, and the designer's templates."""
 
 from collections.abc import Iterator, Sequence
 
-from cellwright.engine.stages.states.tokens import bodies
-from cellwright.kb.model.contacts import ContactModel, class_of, describes
-from cellwright.kb.model.octuples import Bindings, Octuple
+from cellwright.engine.stages.states.token_types import permanent_bodies
+from cellwright.kb.model.contact_model import Bindings, ContactModel, Octuple, class_of, template_bindings
 
 
 class Stability:
@@ -12,9 +11,9 @@ class Stability:
 
     def __init__(self, model: ContactModel) -> None:
         self.model = model
-        found = bodies(model)
-        self.anchored = found.terminals | found.passive | found.driven
-        self.clusters = [frozenset(each) for each in found.clusters]
+        permanent = permanent_bodies(model)
+        self.anchored = permanent.terminals | permanent.passive | permanent.driven
+        self.clusters = [frozenset(cluster) for cluster in permanent.clusters]
 
     def individuals(self) -> frozenset[tuple[str, str]]:
         """No anchor point is looked at for itself."""
@@ -24,23 +23,23 @@ class Stability:
         """Which object falls; empty if none does. In free space (`gravity: false`) none does."""
         if not self.model.gravity:
             return ""
-        links = [each & set(objects) for each in self.clusters]
+        links = [cluster & set(objects) for cluster in self.clusters]
         links += [
-            frozenset({each.first.instance, each.second.instance})
-            for each in contacts
-            if self._supports(each)
+            frozenset({link.first.instance, link.second.instance})
+            for link in contacts
+            if self._supports(link)
         ]
-        held = self.anchored & set(objects)
-        while (more := held.union(*(link for link in links if link & held))) != held:
-            held = more
-        fallen = [self.model.objects[each] for each in objects if each not in held]
+        supported = self.anchored & set(objects)
+        while (more := supported.union(*(link for link in links if link & supported))) != supported:
+            supported = more
+        fallen = [self.model.objects[name] for name in objects if name not in supported]
         return f"{fallen[0]} would fall" if fallen else ""
 
     def _supports(self, contact: Octuple) -> bool:
         for turned in (contact, contact.turned):
-            found = class_of(turned, self.model.contact_classes, self.model.classes)
-            if found is not None:
-                return found.supports
+            contact_class = class_of(turned, self.model.contact_classes, self.model.classes)
+            if contact_class is not None:
+                return contact_class.supports
         return True
 
 
@@ -56,18 +55,18 @@ class Templates:
 
     def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:  # noqa: ARG002 - the port has it
         """The first template that matches; empty if none does."""
-        for each in self.model.undesirable:
-            if next(_matched(self.model, each.contacts, contacts, {}), None) is not None:
-                return f"{each.name}: {each.say}" if each.say else each.name
+        for template in self.model.undesirable:
+            if next(_match_templates(self.model, template.contacts, contacts, {}), None) is not None:
+                return f"{template.name}: {template.say}" if template.say else template.name
         return ""
 
 
-def _matched(
+def _match_templates(
     model: ContactModel, templates: Sequence[Octuple], contacts: Sequence[Octuple], bound: Bindings
 ) -> Iterator[Bindings]:
     if not templates:
         yield bound
         return
     for contact in contacts:
-        for found in describes(model, templates[0], contact, bound):
-            yield from _matched(model, templates[1:], contacts, found)
+        for binding in template_bindings(model, templates[0], contact, bound):
+            yield from _match_templates(model, templates[1:], contacts, binding)

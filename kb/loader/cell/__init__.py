@@ -5,22 +5,27 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from cellwright.kb.files import is_file
-from cellwright.kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
-from cellwright.kb.loader.cell.frames import Frames, read_placement
-from cellwright.kb.loader.cell.guides import read_guide, read_plain
-from cellwright.kb.loader.cell.locations import Known, read_locations
-from cellwright.kb.loader.cell.measuring import read_measuring
-from cellwright.kb.loader.cell.operations import read_operations
-from cellwright.kb.loader.cell.places import Mentioned, is_tool, read_places
-from cellwright.kb.loader.cell.sensors import Sensed, read_sensor
-from cellwright.kb.loader.quantities import ANGLE, LENGTH, Quantities, child, members
-from cellwright.kb.loader.reader import Findings, Reader, require, validate_shape
-from cellwright.kb.loader.references import domain_of
-from cellwright.kb.loader.tree import Node, read_file
-from cellwright.kb.loader.uses import composed_beside
-from cellwright.kb.model.cell import (
-    WORLD,
+from cellwright.kb.files import is_file, read_file
+from cellwright.kb.loader.arm_file import bundled_arms, quantities_of, read_arm, read_pairs
+from cellwright.kb.loader.cell.domain_bindings import CellNames, read_locations, read_operations
+from cellwright.kb.loader.cell.placements import (
+    Frames,
+    PlaceNames,
+    is_tool,
+    read_guide,
+    read_placement,
+    read_places,
+    read_plain,
+)
+from cellwright.kb.loader.cell.sensing import SensedNames, read_measuring, read_sensor
+from cellwright.kb.loader.device_uses import composed_beside
+from cellwright.kb.loader.domain_lookup import domain_of
+from cellwright.kb.loader.geometry_values import ANGLE, LENGTH, QuantityReader, child_at, mapping_members
+from cellwright.kb.loader.reader import LoadFindings, Reader, require_valid, validate_shape
+from cellwright.kb.loader.yaml_tree import YamlNode
+from cellwright.kb.model.body_shapes import Sphere
+from cellwright.kb.model.cell_model import (
+    WORLD_FRAME,
     ZONE_SPEED_M_S,
     Arm,
     Body,
@@ -30,18 +35,17 @@ from cellwright.kb.model.cell import (
     Measuring,
     MountedArm,
     Region,
+    Sensor,
     Zone,
 )
-from cellwright.kb.model.sensors import Sensor
-from cellwright.kb.model.shapes import Sphere
 from cellwright.kb.targets import CELL_FILE, DOMAIN_FILE
 
 
 def load_cell(path: Path) -> Cell:
     """The cell in a file. Raises `InvalidInput` with all errors."""
-    findings = Findings()
+    findings = LoadFindings()
     cell = read_cell(path, findings)
-    require(findings)
+    require_valid(findings)
     return cell
 
 
@@ -54,12 +58,12 @@ def cell_of(target: str) -> Cell:
     return load_cell(path)
 
 
-def read_cell(path: Path, findings: Findings) -> Cell:
+def read_cell(path: Path, findings: LoadFindings) -> Cell:
     """The cell in a file. Errors are added to `findings`. Raises `InvalidInput` if the file does not have the form of a cell."""
     reader = Reader.of(read_file(path), findings)
     composed_beside(reader, path.with_name(DOMAIN_FILE), "cell")
     if not validate_shape(reader, "cell"):
-        require(findings)
+        require_valid(findings)
     return _CellReader(reader, quantities_of(reader, path.parent), Frames(findings)).cell(str(path))
 
 
@@ -68,9 +72,9 @@ class _CellReader:
     """Reads one cell. Names are collected first, so that entries may refer to later entries."""
 
     reader: Reader
-    read: Quantities
+    read: QuantityReader
     frames: Frames
-    nodes: dict[str, Node] = field(default_factory=dict)
+    nodes: dict[str, YamlNode] = field(default_factory=dict)
 
     def cell(self, path: str) -> Cell:
         read, findings = self.read, self.read.findings
@@ -80,20 +84,20 @@ class _CellReader:
         self.frames.add(arms, frames, bodies)
         regions = {name: self._region(name, node) for name, node in self._section("regions")}
         self._check_parents(regions)
-        allowed = pairs(
+        allowed = read_pairs(
             findings,
             self.reader.items("allowed_contacts"),
-            {*bodies, *regions, *_links(arms)},
+            {*bodies, *regions, *_arm_links(arms)},
             "body or link",
         )
-        places = read_places(self.reader, read, Mentioned(self.frames, arms, bodies))
-        known = Known(bodies, places, self.frames.names())
-        locations = read_locations(self.reader, read, known)
+        places = read_places(self.reader, read, PlaceNames(self.frames, arms, bodies))
+        cell_names = CellNames(bodies, places, self.frames.names())
+        locations = read_locations(self.reader, read, cell_names)
         zones = {name: self._zone(name, node) for name, node in self._section("zones")}
-        operations = read_operations(self.reader, findings, known)
+        operations = read_operations(self.reader, findings, cell_names)
         name, measuring = self.reader.text("cell"), self._measuring(bodies)
         sections = (arms, frames, bodies, regions, allowed, places, locations, zones, operations, measuring)
-        return Cell(name, *sections, self._sensors(Sensed(bodies, arms, self.frames.names())), path)
+        return Cell(name, *sections, self._sensors(SensedNames(bodies, arms, self.frames.names())), path)
 
     def _bodies(self) -> dict[str, Body]:
         bodies = {
@@ -111,17 +115,17 @@ class _CellReader:
             if is_tool(key, key_node, self.read, bodies)
         }
 
-    def _sensors(self, known: Sensed) -> dict[str, Sensor]:
+    def _sensors(self, known: SensedNames) -> dict[str, Sensor]:
         read = ((key, read_sensor(node, self.read, known)) for key, _, node in self.reader.entries("sensors"))
         return {key: sensor for key, sensor in read if sensor is not None}
 
-    def _section(self, section: str) -> list[tuple[str, Node]]:
+    def _section(self, section: str) -> list[tuple[str, YamlNode]]:
         """The named entries of a section. A name that another section uses already is reported."""
         entries = []
         for name, key, node in self.reader.entries(section):
             if not self.reader.is_name(name, key):
                 continue
-            if name in self.nodes or name == WORLD:
+            if name in self.nodes or name == WORLD_FRAME:
                 hint = "arms, frames, bodies and regions share their names"
                 self.read.findings.add(key.where, "K104", f"'{name}' is declared already", hint)
                 continue
@@ -129,15 +133,15 @@ class _CellReader:
             entries.append((name, node))
         return entries
 
-    def _arm(self, node: Node) -> MountedArm:
+    def _arm(self, node: YamlNode) -> MountedArm:
         arm = self._model(node)
-        home = child(node, "home")
+        home = child_at(node, "home")
         values = self._home(arm, home) if home else ()
         return MountedArm(
-            arm, read_placement(node, self.read), self.read.pose(child(node, "tool")), values, node.where
+            arm, read_placement(node, self.read), self.read.pose(child_at(node, "tool")), values, node.where
         )
 
-    def _home(self, arm: Arm, home: Node) -> tuple[float, ...]:
+    def _home(self, arm: Arm, home: YamlNode) -> tuple[float, ...]:
         """The joint values in which an arm rests: metres where a joint slides, radians where it turns."""
         if len(home.value) != len(arm.joints):
             hint = f"the arm has {len(arm.joints)} joints"
@@ -146,8 +150,8 @@ class _CellReader:
         units = [LENGTH if joint.kind is JointKind.PRISMATIC else ANGLE for joint in arm.joints]
         return tuple(self.read.number(item, unit) for item, unit in zip(home.value, units, strict=True))
 
-    def _model(self, node: Node) -> Arm:
-        model, urdf = child(node, "model"), child(node, "urdf")
+    def _model(self, node: YamlNode) -> Arm:
+        model, urdf = child_at(node, "model"), child_at(node, "urdf")
         if (model is None) == (urdf is None):
             self.read.findings.add(
                 node.where, "K005", "an arm needs one description", "give `model` or `urdf`"
@@ -167,17 +171,19 @@ class _CellReader:
         self.read.findings.note(unknown_name("arm", model.value, known, model.where))
         return Arm("", ())
 
-    def _body(self, name: str, kind: BodyKind, node: Node) -> Body:
-        features = {key: self.read.pose(value) for key, _, value in members(child(node, "features"))}
+    def _body(self, name: str, kind: BodyKind, node: YamlNode) -> Body:
+        features = {
+            key: self.read.pose(value) for key, _, value in mapping_members(child_at(node, "features"))
+        }
         return Body(
             name,
             kind,
             read_placement(node, self.read),
-            self.read.shapes(child(node, "shapes")),
+            self.read.shapes(child_at(node, "shapes")),
             features,
-            read_guide(child(node, "joint"), self.read),
-            read_plain(child(node, "mass")),
-            read_plain(child(node, "friction")),
+            read_guide(child_at(node, "joint"), self.read),
+            read_plain(child_at(node, "mass")),
+            read_plain(child_at(node, "friction")),
         )
 
     def _check_followers(self, bodies: Mapping[str, Body]) -> None:
@@ -188,12 +194,12 @@ class _CellReader:
                 where = self.nodes[name].where
                 self.read.findings.note(unknown_name("body with a joint", body.guide.follows, leaders, where))
 
-    def _region(self, name: str, node: Node) -> Region:
+    def _region(self, name: str, node: YamlNode) -> Region:
         shape = self.read.shape(node)
-        parents = child(node, "parents")
+        parents = child_at(node, "parents")
         placement = read_placement(node, self.read)
         self.frames.is_known(placement)
-        solid = child(node, "solid")
+        solid = child_at(node, "solid")
         return Region(
             name,
             shape or Sphere(1.0),
@@ -203,8 +209,8 @@ class _CellReader:
             self.nodes[name].where,
         )
 
-    def _zone(self, name: str, node: Node) -> Zone:
-        placement, speed = read_placement(node, self.read), child(node, "speed")
+    def _zone(self, name: str, node: YamlNode) -> Zone:
+        placement, speed = read_placement(node, self.read), child_at(node, "speed")
         self.frames.is_known(placement)
         allowed = self.read.number(speed) if speed else ZONE_SPEED_M_S
         if speed is not None and allowed <= 0.0:
@@ -214,12 +220,12 @@ class _CellReader:
 
     def _check_parents(self, regions: Mapping[str, Region]) -> None:
         for _, _, node in self.reader.entries("regions"):
-            parents = child(node, "parents")
+            parents = child_at(node, "parents")
             for item in parents.value if parents else []:
                 if item.value not in regions:
                     self.read.findings.note(unknown_name("region", item.value, regions, item.where))
         for name in regions:
-            if name in _ancestors(regions, name):
+            if name in _region_ancestors(regions, name):
                 where = self.nodes[name].where
                 self.read.findings.add(
                     where, "K701", f"region '{name}' is its own ancestor", "remove one parent of the circle"
@@ -229,16 +235,16 @@ class _CellReader:
 _BODIES = {"fixtures": BodyKind.FIXTURE, "parts": BodyKind.PART, "tools": BodyKind.TOOL}
 
 
-def _links(arms: Mapping[str, MountedArm]) -> list[str]:
+def _arm_links(arms: Mapping[str, MountedArm]) -> list[str]:
     return [f"{name}.{link.name}" for name, arm in arms.items() for link in arm.arm.links]
 
 
-def _ancestors(regions: Mapping[str, Region], name: str) -> set[str]:
-    found: set[str] = set()
+def _region_ancestors(regions: Mapping[str, Region], name: str) -> set[str]:
+    ancestors: set[str] = set()
     open_ = list(regions[name].parents)
     while open_:
         parent = open_.pop()
-        if parent in regions and parent not in found:
-            found.add(parent)
+        if parent in regions and parent not in ancestors:
+            ancestors.add(parent)
             open_ += regions[parent].parents
-    return found
+    return ancestors

@@ -9,13 +9,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cellwright.engine.authoring.starter import create_with
-from cellwright.engine.authoring.starter.assembled import texts
+from cellwright.engine.authoring.starter import assemble_domain, create_with
 from cellwright.engine.faces.cli import app
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.loader.uses import all_devices
+from cellwright.kb.loader.device_uses import all_devices
+from cellwright.kb.loader.fault_base import load_faults
 
 DEVICES = [
     "balance",
@@ -112,7 +111,7 @@ def test_a_device_can_be_given_a_name(tmp_path: Path) -> None:
 
 
 def test_what_only_lies_in_a_hotel_needs_no_rack(tmp_path: Path) -> None:
-    written, _ = texts(tmp_path, "cell", ["plate_hotel", "heater_shaker"])
+    written, _ = assemble_domain(tmp_path, "cell", ["plate_hotel", "heater_shaker"])
     assert "rack" not in written["domain.yaml"]
 
 
@@ -123,7 +122,7 @@ def test_a_name_that_cannot_be_is_refused(tmp_path: Path, name: str) -> None:
 
 
 def test_all_devices_in_one_cell_contradict_each_other_nowhere(tmp_path: Path) -> None:
-    written, _ = texts(tmp_path, "cell", DEVICES)
+    written, _ = assemble_domain(tmp_path, "cell", DEVICES)
     for name, text in written.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, "utf-8")
@@ -136,5 +135,5 @@ def test_all_devices_in_one_cell_contradict_each_other_nowhere(tmp_path: Path) -
 def test_a_probe_arrives_is_filled_and_is_closed_in_whatever_order_devices_are_named(
     tmp_path: Path, devices: tuple[str, ...]
 ) -> None:
-    written, _ = texts(tmp_path, "cell", devices)
+    written, _ = assemble_domain(tmp_path, "cell", devices)
     assert "stages: inside(P, conveyor), filled(P, 5), capped(P), stored(P)" in written["problems/first.yaml"]

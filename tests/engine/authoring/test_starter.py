@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cellwright.engine.authoring.starter import create
+from cellwright.engine.authoring.starter import create_domain
 from cellwright.engine.faces.cli import app
 
 CAUSES = ("item_missing", "jaws_worn", "sensor_dirty")
@@ -16,7 +16,7 @@ CAUSES = ("item_missing", "jaws_worn", "sensor_dirty")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("starter") / "my cell"
-    create(made)
+    create_domain(made)
     return made
 
 

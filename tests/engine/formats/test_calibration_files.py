@@ -6,7 +6,7 @@ import pytest
 
 from cellwright.engine.formats.interop.calibration_files import read_held, read_plates
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader.scene import load_scene
+from cellwright.kb.loader.scene_file import load_scene
 from tests.places import BUNDLED
 
 SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")

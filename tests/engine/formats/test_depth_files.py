@@ -9,10 +9,10 @@ from PIL import Image
 
 from cellwright.engine.formats.interop.depth_files import read_cloud, read_depth
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.model.vision import Camera
+from cellwright.engine.model.vision import DepthCamera
 from cellwright.kb.diagnostics import InvalidInput
 
-CAMERA = Camera.viewing(8, 6, 0.6, 1.0)
+CAMERA = DepthCamera.viewing(8, 6, 0.6, 1.0)
 
 
 def depths() -> Floats:

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.faces.cli.answers import UNCOMPILED, uncompiled
+from cellwright.engine.faces.cli.output.answer_output import UNCOMPILED, is_uncompiled
 from cellwright.engine.kernels import bits
 from tests.places import TOP
 
@@ -36,6 +36,6 @@ def test_modules_without_types_are_no_kernels(tmp_path: Path, monkeypatch: pytes
     plain = type(sys)("cellwright.engine.plain")
     plain.__file__ = str(tmp_path / "plain.py")
     monkeypatch.setitem(sys.modules, "cellwright.engine.plain", plain)
-    assert not uncompiled()
+    assert not is_uncompiled()
     (tmp_path / "plain.pxd").touch()
-    assert uncompiled()
+    assert is_uncompiled()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.engine.kernels.geometry.angles import angle_of, angles_of, arc_cosine, sines_cosines
-from cellwright.engine.kernels.linear import matmul, norm, solved
+from cellwright.engine.kernels.linear import matmul, norm, solve_positive_definite
 
 
 @pytest.fixture
@@ -43,7 +43,9 @@ def test_a_solution_solves(rng: np.random.Generator, size: int) -> None:
     root = rng.normal(size=(20, size, size))
     matrix = np.swapaxes(root, 1, 2) @ root + 0.1 * np.eye(size)
     right = rng.normal(size=(20, size))
-    assert np.allclose((matrix @ solved(matrix, right)[..., None])[..., 0], right, atol=1e-10)
+    assert np.allclose(
+        (matrix @ solve_positive_definite(matrix, right)[..., None])[..., 0], right, atol=1e-10
+    )
 
 
 def test_lengths_are_those_of_numpy(rng: np.random.Generator) -> None:

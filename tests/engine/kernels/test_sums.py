@@ -7,24 +7,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.engine.kernels.sums import NEVER, Comparisons, Repetitions
-from cellwright.engine.model.quantities import RELATIONS
+from cellwright.engine.model.ground_axioms import COMPARISON_SIGNS
 
 HOLDS = dict(
     zip(
-        RELATIONS, (operator.eq, operator.ne, operator.lt, operator.le, operator.gt, operator.ge), strict=True
+        COMPARISON_SIGNS,
+        (operator.eq, operator.ne, operator.lt, operator.le, operator.gt, operator.ge),
+        strict=True,
     )
 )
 small = st.integers(-30, 30)
 
 
 @given(
-    small, small.filter(bool), st.integers(-3, 3).filter(bool), st.sampled_from(RELATIONS), st.integers(1, 5)
+    small,
+    small.filter(bool),
+    st.integers(-3, 3).filter(bool),
+    st.sampled_from(COMPARISON_SIGNS),
+    st.integers(1, 5),
 )
 def test_a_step_is_repeated_until_the_comparison_holds(
     value: int, gain: int, factor: int, relation: str, cost: int
 ) -> None:
-    compared = Comparisons([[(0, factor)]], [7], [RELATIONS.index(relation)], [0], [1], 1)
-    wanted = Repetitions(compared, [0], [RELATIONS.index(relation)], [gain], [cost])
+    compared = Comparisons([[(0, factor)]], [7], [COMPARISON_SIGNS.index(relation)], [0], [1], 1)
+    wanted = Repetitions(compared, [0], [COMPARISON_SIGNS.index(relation)], [gain], [cost])
     total = 7 + factor * value
     row = compared.true(array("q", [value]))
     assert row[0] & 1 == HOLDS[relation](total, 0)

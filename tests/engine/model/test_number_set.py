@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.model.number_set import NumberSet
+from cellwright.engine.model.run_protocol import NumberSet
 
 numbers = st.integers(0, 60)
 

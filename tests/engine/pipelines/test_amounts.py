@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
 
@@ -45,7 +45,7 @@ def outcome_of(
     (folder / "domain.yaml").write_text(text)
     (folder / "rules.lp").write_text("amount(0..4).")
     (folder / "p.yaml").write_text(PROBLEM)
-    return planning.plan(load_problem(str(folder / "p.yaml")))
+    return checked_plan.plan_problem(load_problem(str(folder / "p.yaml")))
 
 
 @pytest.mark.parametrize(

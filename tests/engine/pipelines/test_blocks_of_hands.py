@@ -7,16 +7,20 @@ from pathlib import Path
 import pytest
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.pipelines.planning import planned, problem_of
-from cellwright.engine.pipelines.timetable import timetable
-from cellwright.engine.pipelines.timetable.blocked import BLOCKS, operators_of, subjects_of
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.planning.checked_plan import plan_and_ground, problem_of
+from cellwright.engine.pipelines.planning.timetable import make_timetable
+from cellwright.engine.pipelines.planning.timetable.block_schedule import (
+    SCOPE_BLOCKS,
+    operators_of,
+    subjects_of,
+)
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.scheduling import check_schedule
-from cellwright.engine.stages.scheduling.blocks import Unstructured, arms_of, arms_to, cut
-from cellwright.engine.stages.scheduling.hands import shared_out
-from cellwright.engine.stages.validation import validate
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.stages.scheduling.arm_assignment import shared_out
+from cellwright.engine.stages.scheduling.plan_blocks import Unstructured, arm_resources, arms_to, cut_blocks
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term
 
 DOMAIN = """
@@ -75,9 +79,9 @@ def bakery(folder: Path, hands: str, loaves: int) -> Problem:
 
 
 def made_of(problem: Problem) -> Timetable:
-    made = timetable(problem)
+    made = make_timetable(problem)
     assert isinstance(made, Timetable)
-    assert validate(problem, made.plan) == []
+    assert validate_plan(problem, made.plan) == []
     assert check_schedule(made.shop, made.schedule) == ()
     return made
 
@@ -89,7 +93,7 @@ def hands_of(made: Timetable) -> set[str]:
 def test_two_hands_are_sooner_done_than_one(tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
     one, two = made_of(bakery(tmp_path / "one", "[left]", 3)), made_of(bakery(tmp_path, "[left, right]", 3))
-    assert (one.scope, two.scope) == (BLOCKS, BLOCKS)
+    assert (one.scope, two.scope) == (SCOPE_BLOCKS, SCOPE_BLOCKS)
     assert one.schedule.makespan == 3 * 40  # in, baked, out, one after another
     assert two.schedule.makespan == 3 * 20 + 2 * 10 + 2 * 10  # one hand waits with the next loaf
     assert hands_of(two) == {"left", "right"}
@@ -106,7 +110,7 @@ def test_no_hand_does_two_steps_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize("hands", ["[left]", "[left, right]", "[left, middle, right]"])
 def test_each_way_to_share_the_blocks_can_be_carried_out(tmp_path: Path, hands: str) -> None:
     problem = bakery(tmp_path, hands, 2)
-    outcome, task = planned(problem, Limits())
+    outcome, task = plan_and_ground(problem, SearchLimits())
     assert isinstance(outcome, Found)
     operators, _ = operators_of(task, outcome.plan)
     subjects = subjects_of(problem)
@@ -116,26 +120,26 @@ def test_each_way_to_share_the_blocks_can_be_carried_out(tmp_path: Path, hands: 
     assert len(ways) == (0 if len(arms) == 1 else 4 if len(arms) > 2 else 3)
     for way in ways:
         assert _followed(task.initial, way)
-        blocks = cut(task, way, arms_of(way, subjects), subjects)
+        blocks = cut_blocks(task, way, arm_resources(way, subjects), subjects)
         assert sum(len(each.steps) for each in blocks) == len(way)
 
 
 def _followed(state: int, steps: Sequence[object]) -> bool:
-    from cellwright.engine.model.task import GroundOperator, progress
+    from cellwright.engine.model.ground_task import GroundOperator, progress_state
 
     for step in steps:
         assert isinstance(step, GroundOperator)
         if step.preconditions & ~state:
             return False
-        state = progress(state, step)
+        state = progress_state(state, step)
     return True
 
 
 def test_a_hand_that_is_never_free_again_has_no_blocks(tmp_path: Path) -> None:
     problem = bakery(tmp_path, "[left, right]", 2)
-    outcome, task = planned(problem, Limits())
+    outcome, task = plan_and_ground(problem, SearchLimits())
     assert isinstance(outcome, Found)
     operators, _ = operators_of(task, outcome.plan)
-    arms: tuple[Term, ...] = arms_of(operators, subjects_of(problem))
+    arms: tuple[Term, ...] = arm_resources(operators, subjects_of(problem))
     with pytest.raises(Unstructured, match="not free at the end"):
-        cut(task, operators[:-1], arms, subjects_of(problem))
+        cut_blocks(task, operators[:-1], arms, subjects_of(problem))

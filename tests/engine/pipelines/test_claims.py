@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cellwright.engine.authoring.starter import create
+from cellwright.engine.authoring.starter import create_domain
 from cellwright.engine.faces.cli import app
-from cellwright.kb.loader import bundled
+from cellwright.kb.loader import bundled_domains
 
 Falsify = Callable[[dict[str, Any]], None]
 
@@ -106,7 +106,7 @@ def test_what_is_left_out_is_as_the_domain_says(answer: str, tmp_path: Path) -> 
 
 def test_a_plan_finds_its_domain_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "here").mkdir()
-    create(tmp_path / "here" / "mine")
+    create_domain(tmp_path / "here" / "mine")
     monkeypatch.chdir(tmp_path / "here")
     text = run("plan", "mine/problems/two_items.yaml", "--format", "json")[1]
     (tmp_path / "plans").mkdir()
@@ -118,7 +118,7 @@ def test_a_plan_finds_its_domain_from_any_folder(tmp_path: Path, monkeypatch: py
 
 def test_a_plan_that_moves_with_its_domain_finds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "old" / "plans").mkdir(parents=True)
-    create(tmp_path / "old" / "mine")
+    create_domain(tmp_path / "old" / "mine")
     monkeypatch.chdir(tmp_path / "old")
     text = run("plan", "mine/problems/two_items.yaml", "--format", "json")[1]
     (tmp_path / "old" / "plans" / "plan.json").write_text(text)
@@ -132,6 +132,6 @@ def test_a_folder_of_the_name_of_a_bundled_domain_does_not_hide_it(
 ) -> None:
     (tmp_path / "plan.json").write_text(answer)
     work = tmp_path / "work"
-    shutil.copytree(bundled()["bulkhead"], work / "themse")
+    shutil.copytree(bundled_domains()["bulkhead"], work / "themse")
     monkeypatch.chdir(work)
     assert run("validate", str(tmp_path / "plan.json"))[0] == 0

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from cellwright.engine.kernels.cancellation import never
-from cellwright.engine.pipelines.units import Kind, carried_out, crew_of
-from cellwright.kb.cycles import SELDOM
+from cellwright.engine.pipelines.jobs import WorkKind, carried_out, crew_of
+from cellwright.kb.cycles import COLLECTION_THRESHOLD
 from cellwright.kb.diagnostics import InvalidInput
 from tests.engine.pipelines.test_units import kind, lost, marks, results, tell_threshold, units
 
@@ -34,9 +34,9 @@ def test_a_cluster_does_what_processes_do(cluster: Any, tmp_path: Path) -> None:
 
 
 def test_workers_look_for_cycles_as_rarely_as_the_command_does(cluster: Any, tmp_path: Path) -> None:
-    telling = Kind("test", tell_threshold, lost)
+    telling = WorkKind("test", tell_threshold, lost)
     found = results(telling, units(tmp_path, "a"), crew_of(0, cluster.address))
-    assert found["a"].split()[0] == str(SELDOM)
+    assert found["a"].split()[0] == str(COLLECTION_THRESHOLD)
 
 
 def test_a_worker_that_dies_is_replaced_and_its_unit_done(cluster: Any, tmp_path: Path) -> None:

@@ -5,11 +5,10 @@ from pathlib import Path
 import pytest
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.stages.macros.lifted.bodies import satisfiable
-from cellwright.engine.stages.macros.lifted.facts import Facts
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.lifted.fact_queries import FactSet, is_satisfiable
 from cellwright.kb.loader import load_problem
-from cellwright.kb.syntax import parse
+from cellwright.kb.syntax import parse_expression
 
 DOMAIN = """domain: shelves
 include: [rules.lp]
@@ -66,12 +65,12 @@ def problem_file(folder: Path, where: str) -> str:
     ],
 )
 def test_the_checker_accepts_what_grounding_found(tmp_path: Path, where: str) -> None:
-    outcome = planning.plan(load_problem(problem_file(tmp_path, where)))
+    outcome = checked_plan.plan_problem(load_problem(problem_file(tmp_path, where)))
     assert isinstance(outcome, Found)
     assert len(outcome.plan.steps) == 2
 
 
 def test_an_equation_waits_until_its_sum_can_be_done() -> None:
-    facts = Facts(parse("atoms", "last(5), num(3), num(4)").value)
-    assert satisfiable(parse("body", "last(M), M = N + 1, num(N)").value, facts, {})
-    assert not satisfiable(parse("body", "last(M), M = N + 3, num(N)").value, facts, {})
+    facts = FactSet(parse_expression("atoms", "last(5), num(3), num(4)").value)
+    assert is_satisfiable(parse_expression("body", "last(M), M = N + 1, num(N)").value, facts, {})
+    assert not is_satisfiable(parse_expression("body", "last(M), M = N + 3, num(N)").value, facts, {})

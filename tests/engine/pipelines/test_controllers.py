@@ -9,22 +9,30 @@ from pathlib import Path
 import pytest
 
 from benchmarks.controllers import Lines, Manners, Server, at_reply
-from cellwright.engine.model.execution import Command, CommandKind, Fate, Record, RecordKind, Reply, Trouble
 from cellwright.engine.model.outcome import Outcome
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.controllers import ControllerDriver
-from cellwright.engine.pipelines.controllers.conformance import checked
-from cellwright.engine.pipelines.controllers.link import Patience, Place
-from cellwright.engine.pipelines.controllers.serving import Cell
-from cellwright.engine.pipelines.execution import Wanted, begin
-from cellwright.engine.pipelines.execution.begin import named
-from cellwright.engine.pipelines.execution.orders import Timed
-from cellwright.engine.pipelines.execution.planned import Ready, first
+from cellwright.engine.model.run_protocol import (
+    CommandKind,
+    DriverCommand,
+    Fate,
+    JournalRecord,
+    RecordKind,
+    Reply,
+    Trouble,
+)
+from cellwright.engine.pipelines.execution import RunRequest, begin_run
+from cellwright.engine.pipelines.execution.controllers import ControllerDriver
+from cellwright.engine.pipelines.execution.controllers.conformance import check_conformance
+from cellwright.engine.pipelines.execution.controllers.link import ControllerAddress, Patience
+from cellwright.engine.pipelines.execution.controllers.reference_controller import ServedCell
+from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
+from cellwright.engine.pipelines.execution.operator_orders import TimedOrders
+from cellwright.engine.pipelines.execution.run_start import name_run
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.ports import DriverSetup
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 
 CELL = Path(__file__).parents[2] / "domains" / "capping" / "problems" / "no_caps.yaml"
 HURRY = Patience(5, 2, 0.2, 1.5)
@@ -34,7 +42,7 @@ HURRY = Patience(5, 2, 0.2, 1.5)
 def planned() -> tuple[Problem, Outcome]:
     problem = load(CELL).problem
     assert problem is not None
-    return problem, planning.plan(problem)
+    return problem, checked_plan.plan_problem(problem)
 
 
 @pytest.fixture
@@ -45,19 +53,19 @@ def problem(planned: tuple[Problem, Outcome]) -> Problem:
 @pytest.fixture
 def run(
     planned: tuple[Problem, Outcome], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Callable[[Manners], tuple[str, list[Record]]]]:
+) -> Iterator[Callable[[Manners], tuple[str, list[JournalRecord]]]]:
     """Run the plan with a controller of some manners: how it ended, and the journal."""
     servers: list[Server] = []
 
-    def runs(manners: Manners) -> tuple[str, list[Record]]:
+    def runs(manners: Manners) -> tuple[str, list[JournalRecord]]:
         problem, outcome = planned
         servers.append(Server(problem, manners))
-        wanted = Wanted(str(CELL), store=str(tmp_path / "runs.db"), run="tried")
-        named(wanted, problem)
+        wanted = RunRequest(str(CELL), store=str(tmp_path / "runs.db"), run="tried")
+        name_run(wanted, problem)
         made = ControllerDriver(servers[0].place, HURRY, "tried")
-        monkeypatch.setattr(sys.modules[named.__module__], "driver", lambda *_: made)
-        records: list[Record] = []
-        ending = begin(wanted, problem, Timed(), [records.append], Limits(), outcome)
+        monkeypatch.setattr(sys.modules[name_run.__module__], "driver", lambda *_: made)
+        records: list[JournalRecord] = []
+        ending = begin_run(wanted, problem, TimedOrders(), [records.append], SearchLimits(), outcome)
         return ending.outcome, records  # type: ignore[union-attr]
 
     yield runs
@@ -65,12 +73,12 @@ def run(
         each.close()
 
 
-def told(records: list[Record], kind: RecordKind, key: str) -> list[str]:
+def told(records: list[JournalRecord], kind: RecordKind, key: str) -> list[str]:
     return [record.content[key] for record in records if record.kind is kind]
 
 
 def test_a_controller_that_behaves_reaches_the_goals(
-    run: Callable[[Manners], tuple[str, list[Record]]],
+    run: Callable[[Manners], tuple[str, list[JournalRecord]]],
 ) -> None:
     outcome, records = run(lambda _, lines: lines)
     assert outcome == "reached"
@@ -89,7 +97,7 @@ def test_a_controller_that_behaves_reaches_the_goals(
     ],
 )
 def test_nonsense_beside_a_reply_is_told_and_changes_nothing(
-    run: Callable[[Manners], tuple[str, list[Record]]], instead: Callable[[bytes], Lines], trouble: str
+    run: Callable[[Manners], tuple[str, list[JournalRecord]]], instead: Callable[[bytes], Lines], trouble: str
 ) -> None:
     outcome, records = run(at_reply(4, instead))
     assert outcome == "reached"
@@ -98,7 +106,7 @@ def test_nonsense_beside_a_reply_is_told_and_changes_nothing(
 
 @pytest.mark.parametrize("instead", [lambda _: [], lambda _: [b"garbage\n"]])
 def test_a_command_without_a_reply_is_an_exception_at_its_timeout(
-    run: Callable[[Manners], tuple[str, list[Record]]], instead: Callable[[bytes], Lines]
+    run: Callable[[Manners], tuple[str, list[JournalRecord]]], instead: Callable[[bytes], Lines]
 ) -> None:
     _, records = run(at_reply(3, instead))
     given_up = next(each for each in records if each.kind is RecordKind.EXCEPTION)
@@ -112,7 +120,7 @@ def test_a_command_without_a_reply_is_an_exception_at_its_timeout(
 
 @pytest.mark.parametrize("instead", [lambda _: [], lambda _: [b"garbage\n"]])
 def test_a_lost_reply_is_found_out_by_asking_the_controller(
-    run: Callable[[Manners], tuple[str, list[Record]]], instead: Callable[[bytes], Lines]
+    run: Callable[[Manners], tuple[str, list[JournalRecord]]], instead: Callable[[bytes], Lines]
 ) -> None:
     outcome, records = run(at_reply(3, instead))
     assert outcome == "reached"
@@ -122,7 +130,9 @@ def test_a_lost_reply_is_found_out_by_asking_the_controller(
     assert len(done) == len({*done})
 
 
-def test_a_controller_that_hangs_is_lost_in_time(run: Callable[[Manners], tuple[str, list[Record]]]) -> None:
+def test_a_controller_that_hangs_is_lost_in_time(
+    run: Callable[[Manners], tuple[str, list[JournalRecord]]],
+) -> None:
     begun = time.monotonic()
     outcome, records = run(lambda heard, lines: lines if heard < 8 else [])
     assert outcome == "stopped"
@@ -131,7 +141,7 @@ def test_a_controller_that_hangs_is_lost_in_time(run: Callable[[Manners], tuple[
 
 
 def test_a_connection_that_breaks_is_made_again_and_nothing_is_done_twice(
-    run: Callable[[Manners], tuple[str, list[Record]]],
+    run: Callable[[Manners], tuple[str, list[JournalRecord]]],
 ) -> None:
     outcome, records = run(lambda heard, lines: lines if heard not in (6, 11, 12) else None)
     assert outcome == "reached"
@@ -139,12 +149,12 @@ def test_a_connection_that_breaks_is_made_again_and_nothing_is_done_twice(
     assert len(done) == len({*done})
 
 
-def _command(number: int, problem: Problem) -> Command:
-    found = first(problem)
-    assert isinstance(found, Ready)
+def _command(number: int, problem: Problem) -> DriverCommand:
+    found = first_plan(problem)
+    assert isinstance(found, ReadyPlan)
     steps = sorted(found.compiled.program.activities.values(), key=lambda each: (each.start_ms, each.id))
     a = steps[number - 1]
-    return Command(
+    return DriverCommand(
         number, CommandKind.STEP, a.stream, a.action, a.says, a.expects, (), a.lasts_ms, a.timeout_ms
     )
 
@@ -191,20 +201,20 @@ def test_a_command_sent_again_under_its_number_is_carried_out_once(problem: Prob
 
 
 def test_a_real_clock_goes_on_and_replies_come_by_themselves(problem: Problem) -> None:
-    from cellwright.engine.pipelines.controllers import serving
+    from cellwright.engine.pipelines.execution.controllers import reference_controller
 
-    cell = Cell(DriverSetup(problem, "", 0, 0.0005))
+    cell = ServedCell(DriverSetup(problem, "", 0, 0.0005))
     simulator = cell.serve("real")
     simulator.send([_command(1, problem)])
     time.sleep(0.1)
     assert [each.number for each in cell.elapsed()] == [1]
-    assert serving.BEAT_S < 1
+    assert reference_controller.BEAT_S < 1
 
 
 def test_the_reference_controller_conforms(problem: Problem) -> None:
     server = Server(problem)
     options = {"address": f"127.0.0.1:{server.place.port}", "heartbeat": "1"}
-    found = checked(
+    found = check_conformance(
         DriverSetup(problem, "conformance", options=options), [_command(n, problem) for n in (1, 2, 3)]
     )
     server.close()
@@ -215,7 +225,7 @@ def test_the_reference_controller_conforms(problem: Problem) -> None:
 def test_conformance_names_what_a_controller_does_wrong(problem: Problem) -> None:
     server = Server(problem, at_reply(2, lambda _: []))
     options = {"address": f"127.0.0.1:{server.place.port}"}
-    found = checked(
+    found = check_conformance(
         DriverSetup(problem, "conformance", options=options), [_command(n, problem) for n in (1, 2, 3)]
     )
     server.close()
@@ -228,12 +238,12 @@ def test_conformance_names_what_a_controller_does_wrong(problem: Problem) -> Non
      {"command": "a", "answer": "soon"}, {"command": "a", "heartbeat": "nan"}],
 )  # fmt: skip
 def test_options_that_name_no_controller_are_refused(problem: Problem, options: dict[str, str]) -> None:
-    from cellwright.engine.pipelines.controllers import external
+    from cellwright.engine.pipelines.execution.controllers import external_controller
 
     with pytest.raises(InvalidInput):
-        external(DriverSetup(problem, "none", options=options))
+        external_controller(DriverSetup(problem, "none", options=options))
 
 
 def test_a_controller_that_is_not_there_is_told() -> None:
     with pytest.raises(InvalidInput, match="K425"):
-        ControllerDriver(Place("this-program-does-not-exist"), HURRY, "none")
+        ControllerDriver(ControllerAddress("this-program-does-not-exist"), HURRY, "none")

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from cellwright.engine.authoring import domain_check
 from cellwright.engine.faces.cli import app
-from cellwright.engine.faces.monitor.sequences import sequence_picture
-from cellwright.engine.pipelines import checking
-from cellwright.engine.pipelines.timetable import wishes_of
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.faces.monitor.background_answers import sequence_picture
+from cellwright.engine.pipelines.planning.timetable import wishes_of
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.loader import load_domain, load_problem
-from cellwright.kb.model.conventions import CONVENTIONS
+from cellwright.kb.model.name_conventions import CONVENTION_BY_NAME
 from tests.places import BUNDLED
 
-TIMES = [role for role, each in CONVENTIONS.items() if each.is_about_time]
+TIMES = [role for role, each in CONVENTION_BY_NAME.items() if each.is_about_time]
 POINTS = """name,x,y,z,nx,ny,nz,kind,tolerance,bore
 a,0,0,0,0,0,1,profile,0.5,
 b,10,0,0,0,0,2,,,
@@ -48,7 +48,7 @@ def cell(folder: Path, bundled: str, statics: Collection[str], rules: str = "") 
         head.write_text(kept, "utf-8")  # the domain itself says what it calls them
     domain, facts = folder / "domain.yaml", folder / "rules.lp"
     declared = "".join(
-        f"  {CONVENTIONS[role].written().replace('place', 'object')}: {{}}\n" for role in statics
+        f"  {CONVENTION_BY_NAME[role].written().replace('place', 'object')}: {{}}\n" for role in statics
     )
     domain.write_text(domain.read_text("utf-8").replace("\nstatics:", f"\nstatics:\n{declared}", 1), "utf-8")
     facts.write_text(facts.read_text("utf-8") + rules, "utf-8")
@@ -70,7 +70,7 @@ def rename(folder: Path, roles: Collection[str]) -> None:
 
 def as_before(text: str) -> str:
     """A text with the names from before."""
-    return re.sub(rf"(?<!\w)({'|'.join(CONVENTIONS)})own(?!\w)", r"\1", text)
+    return re.sub(rf"(?<!\w)({'|'.join(CONVENTION_BY_NAME)})own(?!\w)", r"\1", text)
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def desks(tmp_path: Path) -> list[Path]:
     for desk in found:
         cell(desk / "bulkhead", "bulkhead", TIMES)
         (desk / "points.csv").write_text(POINTS)
-    rename(found[1] / "bulkhead", CONVENTIONS)
+    rename(found[1] / "bulkhead", CONVENTION_BY_NAME)
     return found
 
 
@@ -139,8 +139,8 @@ def test_other_names_are_other_names_and_nothing_else(
 
 def test_every_convention_is_renamed_and_nothing_is_wrong_with_that(desks: list[Path]) -> None:
     target = str(desks[1] / "bulkhead")
-    assert load_domain(target).renamed == {role: f"{role}own" for role in CONVENTIONS}
-    assert checking.check(target, reach=False).diagnostics == ()
+    assert load_domain(target).renamed == {role: f"{role}own" for role in CONVENTION_BY_NAME}
+    assert domain_check.check_domain_files(target, reach=False).diagnostics == ()
 
 
 @pytest.mark.slow

@@ -5,18 +5,19 @@ from pathlib import Path
 import pytest
 
 from cellwright.engine.model.outcome import Found, Infeasible, Outcome
-from cellwright.engine.pipelines import planning, task_space
+from cellwright.engine.pipelines import contact_states
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.files import File
-from cellwright.kb.loader import bundled, load
+from cellwright.kb.loader import bundled_domains, load
 
-THEMSE = bundled()["themse"]
+THEMSE = bundled_domains()["themse"]
 PROBLEMS = sorted(THEMSE.glob("problems/*.yaml"))
 QUICK = ("in_furnace", "lid_on_stand", "one", "unsolvable")
 
 
 @pytest.fixture(scope="module")
 def generated() -> File:
-    return task_space.generated(THEMSE / "domain.yaml")
+    return contact_states.generate_domain(THEMSE / "domain.yaml")
 
 
 def outcomes(problem: Path, generated: File) -> tuple[Outcome, Outcome]:
@@ -24,7 +25,7 @@ def outcomes(problem: Path, generated: File) -> tuple[Outcome, Outcome]:
     by_hand, made = load(problem).problem, load(problem, lambda _: generated).problem
     assert by_hand is not None
     assert made is not None
-    return planning.plan(by_hand), planning.plan(made)
+    return checked_plan.plan_problem(by_hand), checked_plan.plan_problem(made)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +48,7 @@ def test_only_processes_are_taken_over(generated: File) -> None:
 def test_a_plan_never_puts_a_probe_under_the_lid(generated: File) -> None:
     problem = load(THEMSE / "problems" / "lid_on_stand.yaml", lambda _: generated).problem
     assert problem is not None
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     steps = [each.operator.name for each in outcome.plan.steps]
     insert = next(n for n, name in enumerate(steps) if name.startswith("insert_probe_themse_freezer"))

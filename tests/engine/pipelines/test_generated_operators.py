@@ -7,16 +7,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.task_space.domains import domain_file
-from cellwright.engine.pipelines.task_space.vocabulary import Vocabulary
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.pipelines.contact_states.net_domain import generated_domain_file
+from cellwright.engine.pipelines.contact_states.net_operators import NetVocabulary
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.states.contact_net import net_of
 from cellwright.engine.stages.states.filters import Stability, Templates
-from cellwright.engine.stages.states.generation import generate
-from cellwright.engine.stages.states.nets import net_of
-from cellwright.engine.stages.states.tokens import token_types
+from cellwright.engine.stages.states.state_generation import generate_states
+from cellwright.engine.stages.states.token_types import token_types
 from cellwright.kb.loader import load, with_goals
-from cellwright.kb.model.octuples import Octuple
+from cellwright.kb.model.contact_model import Octuple
 from tests.engine.stages.states.cells import Recipe, Slow, State, cell, recipes
 
 
@@ -55,14 +55,14 @@ def test_a_pair_of_contacts_is_planned_if_and_only_if_it_can_be_reached(
 def planned(model_path: Path, recipe: Recipe, goals: set[Octuple]) -> object:
     """The outcome for goals in the generated domain of a random cell."""
     model = cell(recipe)
-    space = generate(
+    space = generate_states(
         model, token_types(model), {"stability": Stability(model), "templates": Templates(model)}
     )
     bare = load(model_path).domain
-    file = domain_file(model, net_of(space), bare)
+    file = generated_domain_file(model, net_of(space), bare)
     domain = load(model_path, lambda _: file).domain
-    words = Vocabulary(model, bare)
+    words = NetVocabulary(model, bare)
     said = (
         f"contact({words.point(each.first, {})}, {words.point(each.second, {})})" for each in sorted(goals)
     )
-    return planning.plan(with_goals(domain, ", ".join(said)), Limits(expansions=2_000))
+    return checked_plan.plan_problem(with_goals(domain, ", ".join(said)), SearchLimits(expansions=2_000))

@@ -8,13 +8,13 @@ from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.attainment import attainable
-from cellwright.engine.pipelines.barring import barred
-from cellwright.engine.pipelines.each import for_each
-from cellwright.engine.pipelines.execution.scope import Scope
+from cellwright.engine.pipelines.execution.run_goals import RunScope
+from cellwright.engine.pipelines.planning.goal_selection import select_goals
+from cellwright.engine.pipelines.planning.quantifiers import expand_forall
+from cellwright.engine.pipelines.planning.restrictions import forbid_steps
 from cellwright.kb.loader import load_problem
 from cellwright.kb.model.conditions import And, goal_parts
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 
 DOMAIN = """domain: sorting
 types: {item: object, colour: object}
@@ -37,7 +37,7 @@ def problem(folder: Path, goal: str) -> Problem:
 
 
 def goals(folder: Path, goal: str) -> list[str]:
-    return [str(each) for each in goal_parts(for_each(problem(folder, goal)).goal)]
+    return [str(each) for each in goal_parts(expand_forall(problem(folder, goal)).goal)]
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_pairs_that_statics_name_are_meant(tmp_path: Path) -> None:
 
 
 def test_one_lost_object_does_not_take_the_others_with_it(tmp_path: Path) -> None:
-    found = attainable(barred(problem(tmp_path, "sorted(I) : item(I)"), ["b"]))
+    found = select_goals(forbid_steps(problem(tmp_path, "sorted(I) : item(I)"), ["b"]))
     assert isinstance(found.outcome, Found)
     assert sorted(str(step.operator) for step in found.outcome.plan.steps) == ["sort(a)", "sort(c)"]
     assert [each.goal for each in found.given_up] == ["sorted(b)"]
@@ -68,7 +68,7 @@ def test_a_scope_keeps_whole_what_is_kept_whole_and_the_rest_in_parts(tmp_path: 
     pairs = problem(tmp_path, "shown(I, C) : asked(I, C)")
     both = replace(given, goal=And((given.goal, pairs.goal)))
     whole, *_ = goal_parts(given.goal)
-    narrowed = Scope(both).cut({}, {str(whole), "shown(a, red)"})
+    narrowed = RunScope(both).cut({}, {str(whole), "shown(a, red)"})
     assert [str(each) for each in goal_parts(narrowed.problem.goal)] == [str(whole), "shown(a, red)"]
 
 

@@ -7,38 +7,43 @@ import pytest
 from hypothesis import HealthCheck, assume, event, given, settings
 
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines.attainment import IN_ANY_CASE, NO_EVENT, Attainable, attainable
-from cellwright.engine.pipelines.each import for_each
+from cellwright.engine.pipelines.planning.goal_selection import (
+    IN_ANY_CASE,
+    NO_EVENT,
+    GoalSelection,
+    select_goals,
+)
+from cellwright.engine.pipelines.planning.quantifiers import expand_forall
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
 from cellwright.kb.model.conditions import And, goal_parts
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from tests.engine.pipelines.explanation.test_parts_with_events import DOMAIN
 from tests.properties.test_allowed_chains import reachable
 from tests.properties.test_parts_of_goals import chained
 
-Reach = Callable[[str], Attainable]
+Reach = Callable[[str], GoalSelection]
 
 
 @pytest.fixture
 def reach(tmp_path: Path) -> Reach:
     """What can be reached of the goals and the workflow of a text, in a small cell."""
 
-    def reached(rest: str) -> Attainable:
+    def reached(rest: str) -> GoalSelection:
         (tmp_path / "problems").mkdir()
         (tmp_path / "domain.yaml").write_text(DOMAIN)
         (tmp_path / "problems" / "p.yaml").write_text(f"problem: p\ndomain: filling\n{rest}")
-        return attainable(load_problem(str(tmp_path / "problems" / "p.yaml")))
+        return select_goals(load_problem(str(tmp_path / "problems" / "p.yaml")))
 
     return reached
 
 
-def steps(found: Attainable) -> list[str]:
+def steps(found: GoalSelection) -> list[str]:
     assert isinstance(found.outcome, Found)
     return [str(step.operator) for step in found.outcome.plan.steps]
 
 
-def lost(found: Attainable) -> list[tuple[str, str]]:
+def lost(found: GoalSelection) -> list[tuple[str, str]]:
     return [(each.goal, each.why) for each in found.given_up]
 
 
@@ -74,15 +79,15 @@ def test_the_workflow_is_named_if_a_goal_needs_an_event_that_is_given_up_with_it
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 def test_nothing_that_is_given_up_could_be_kept_beside_the_rest(problem: Problem) -> None:
     try:
-        found = attainable(problem)
+        found = select_goals(problem)
     except InvalidInput:
         assume(False)
     event(type(found.outcome).__name__)
     if not isinstance(found.outcome, Found):
         return
-    kept = list(goal_parts(for_each(found.problem).goal))
+    kept = list(goal_parts(expand_forall(found.problem).goal))
     assert reachable(found.problem)
-    for part in goal_parts(for_each(problem).goal):
+    for part in goal_parts(expand_forall(problem).goal):
         if part not in kept:
             event("a goal is given up")
             more = Problem(

@@ -7,21 +7,20 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.report.gantt import Bar, BarKind, joined
-from cellwright.engine.formats.report.gantt_svg import chart
-from cellwright.engine.model.bottleneck import Bottleneck, Share, bottleneck
-from cellwright.engine.model.forecast import earliest_starts
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.pipelines import timetable as module
-from cellwright.engine.pipelines.timetable import keeping, timetable
-from cellwright.engine.pipelines.timetable.kept import KEPT, LONG
+from cellwright.engine.formats.report.plans.gantt_chart import BarKind, GanttBar, join_short_bars
+from cellwright.engine.formats.report.plans.gantt_svg import draw_gantt
+from cellwright.engine.model.plan_times import Bottleneck, TimeShare, earliest_starts, find_bottleneck
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.planning import timetable as module
+from cellwright.engine.pipelines.planning.timetable import keep_plan_order, make_timetable
+from cellwright.engine.pipelines.planning.timetable.kept_order import MAX_SCHEDULED_STEPS, SCOPE_KEPT_ORDER
 from cellwright.engine.stages.scheduling import check_schedule
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.asp import ground_term
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
 DOMAIN = """
@@ -92,8 +91,8 @@ def test_each_step_starts_as_soon_as_its_order_and_the_way_of_the_arm_allow(
     problem: Problem, said: list[tuple[str, int]]
 ) -> None:
     plan = waves(*said)
-    assert validate(problem, plan) == []
-    made = keeping(problem, plan)
+    assert validate_plan(problem, plan) == []
+    made = keep_plan_order(problem, plan)
     held = [arm for arm, _ in said]
     busiest = min(set(held), key=lambda arm: (-held.count(arm), arm))
     now: dict[str, tuple[int, int]] = {}
@@ -104,32 +103,32 @@ def test_each_step_starts_as_soon_as_its_order_and_the_way_of_the_arm_allow(
         now[arm] = start + 2, place
     assert made.schedule.makespan == max(free for free, _ in now.values())
     assert made.schedule.proved
-    assert made.scope == KEPT
+    assert made.scope == SCOPE_KEPT_ORDER
     assert check_schedule(made.shop, made.schedule) == ()
 
 
 def test_a_table_lists_the_ways_that_take_time(tmp_path: Path) -> None:
     facts = ("travel(p0, p1, 7)", "travel(p1, p0, 9)")
     problem = yard(tmp_path / "table", "", TABLE, facts)
-    made = keeping(problem, waves(("crane", 0), ("crane", 1), ("crane", 0), ("crane", 2)))
+    made = keep_plan_order(problem, waves(("crane", 0), ("crane", 1), ("crane", 0), ("crane", 2)))
     assert list(made.starts.values()) == [0, 9, 20, 22]
 
 
 def test_a_fact_tells_the_time_of_its_pair_and_the_motion_that_of_all_others(tmp_path: Path) -> None:
     problem = yard(tmp_path / "both", MOTION, TABLE, ("travel(p0, p1, 50)",))
-    made = keeping(problem, waves(("crane", 0), ("crane", 1), ("crane", 0)))
+    made = keep_plan_order(problem, waves(("crane", 0), ("crane", 1), ("crane", 0)))
     assert list(made.starts.values()) == [0, 52, 55]
 
 
 def test_a_way_that_cannot_be_told_is_reported(tmp_path: Path) -> None:
     problem = yard(tmp_path / "negative", "", TABLE, ("travel(p0, p1, -7)",))
     with pytest.raises(InvalidInput) as caught:
-        keeping(problem, waves(("crane", 0), ("crane", 1)))
+        keep_plan_order(problem, waves(("crane", 0), ("crane", 1)))
     assert [each.code for each in caught.value.diagnostics] == ["K115"]
 
 
 def test_the_solver_adds_the_ways_of_a_motion_as_well(problem: Problem) -> None:
-    made = timetable(problem, waves(("crane", 0), ("crane", 1), ("crane", 2)))
+    made = make_timetable(problem, waves(("crane", 0), ("crane", 1), ("crane", 2)))
     assert isinstance(made, Timetable)
     assert made.schedule.makespan == 3 * 2 + 4
 
@@ -141,14 +140,14 @@ def test_long_plans_are_timed_without_grounding_and_their_charts_stay_small(
         raise AssertionError("a long plan was grounded")
 
     monkeypatch.setattr(module, "task_for", refused)
-    made = timetable(problem, circling(LONG + 20))
+    made = make_timetable(problem, circling(MAX_SCHEDULED_STEPS + 20))
     assert isinstance(made, Timetable)
     assert "more than 400 steps" in made.note
-    monkeypatch.setattr(module, "_sound", refused)
-    long = keeping(problem, circling(12 * LONG))
-    ways = sum(abs((n % 10) ** 2 - ((n + 1) % 10) ** 2) for n in range(12 * LONG - 1))
-    assert long.schedule.makespan == ways + 24 * LONG
-    assert len(chart(long.shop, long.schedule)) < 2_000_000
+    monkeypatch.setattr(module, "_checked_plan", refused)
+    long = keep_plan_order(problem, circling(12 * MAX_SCHEDULED_STEPS))
+    ways = sum(abs((n % 10) ** 2 - ((n + 1) % 10) ** 2) for n in range(12 * MAX_SCHEDULED_STEPS - 1))
+    assert long.schedule.makespan == ways + 24 * MAX_SCHEDULED_STEPS
+    assert len(draw_gantt(long.shop, long.schedule)) < 2_000_000
 
 
 def circling(steps: int) -> Plan:
@@ -161,11 +160,11 @@ bars = st.lists(st.tuples(st.integers(0, 30), st.integers(1, 40)), min_size=1, m
 
 @given(bars, st.floats(0.5, 60))
 def test_joined_bars_are_few_and_cover_what_the_bars_cover(gaps: list[tuple[int, int]], least: float) -> None:
-    made: list[Bar] = []
+    made: list[GanttBar] = []
     for gap, length in gaps:
         start = (made[-1].end if made else 0) + gap
-        made.append(Bar(start, start + length, "x", BarKind.STAGE))
-    found = joined(made, least)
+        made.append(GanttBar(start, start + length, "x", BarKind.STAGE))
+    found = join_short_bars(made, least)
     assert all(one.end <= other.start for one, other in pairwise(found))
     assert (found[0].start, found[-1].end) == (made[0].start, made[-1].end)
     for bar in made:
@@ -176,7 +175,9 @@ def test_joined_bars_are_few_and_cover_what_the_bars_cover(gaps: list[tuple[int,
 
 def test_what_bounds_a_makespan_is_a_resource_that_never_rests_or_a_chain() -> None:
     busy = waves(("crane", 0), ("truck", 1), ("crane", 2))
-    assert bottleneck(busy, earliest_starts(busy)) == Bottleneck(Function("crane"), (Share("wave", 2, 4),))
+    assert find_bottleneck(busy, earliest_starts(busy)) == Bottleneck(
+        Function("crane"), (TimeShare("wave", 2, 4),)
+    )
     waited = {StepId(1): 0, StepId(2): 0, StepId(3): 5}
-    assert bottleneck(busy, waited) == Bottleneck(None, (Share("wave", 2, 4),), 3)
-    assert bottleneck(Plan(()), {}) == Bottleneck(None, ())
+    assert find_bottleneck(busy, waited) == Bottleneck(None, (TimeShare("wave", 2, 4),), 3)
+    assert find_bottleneck(Plan(()), {}) == Bottleneck(None, ())

@@ -7,14 +7,13 @@ from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.inspection.progress import News
-from cellwright.engine.pipelines.objective import sequenced
-from cellwright.engine.pipelines.parts.keeping import carry_on
-from cellwright.engine.pipelines.parts.kept_shares import SharedProgress
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.pipelines.inspection.tour_progress import SequenceNews
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.decomposition.kept_sequences import SharedProgress, carry_on
+from cellwright.engine.pipelines.planning.plan_objective import plan_sequence
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +28,7 @@ def store(tmp_path: Path, six: Problem) -> str:
     return target
 
 
-def kept(store: str, problem: Problem, news: News = News()) -> SharedProgress:
+def kept(store: str, problem: Problem, news: SequenceNews = SequenceNews()) -> SharedProgress:
     found = carry_on(store, problem, news)
     assert isinstance(found, SharedProgress)
     return found
@@ -50,24 +49,24 @@ def test_shares_are_kept_with_the_next_visit_of_each_arm(store: str, six: Proble
 
 def test_arms_that_keep_to_their_orders_keep_their_shares(store: str, six: Problem) -> None:
     for done in ("m6", "m1", "m2"):
-        assert kept(store, six, News(done=(done,))).way == "kept"
+        assert kept(store, six, SequenceNews(done=(done,))).way == "kept"
     assert orders(kept(store, six)) == {"west": ["m3"], "east": ["m5", "m4"]}
 
 
 def test_what_is_done_out_of_turn_leaves_every_other_visit_to_some_arm(store: str, six: Problem) -> None:
-    found = kept(store, six, News(done=("m3", "m5")))
+    found = kept(store, six, SequenceNews(done=("m3", "m5")))
     assert sorted(name for own in orders(found).values() for name in own) == ["m1", "m2", "m4", "m6"]
     assert [each.name for each in found.plan.done] == ["m3", "m5"]
 
 
 @pytest.mark.parametrize("lost", ["east", "east_probe"])
 def test_the_other_arm_takes_what_a_lost_one_has_left(store: str, six: Problem, lost: str) -> None:
-    kept(store, six, News(done=("m1",)))
-    found = kept(store, six, News(lost=(lost,)))
+    kept(store, six, SequenceNews(done=("m1",)))
+    found = kept(store, six, SequenceNews(lost=(lost,)))
     assert found.way == "resequenced"
     assert set(orders(found)) == {"west"}
     assert found.moved["m6"] == ("east_probe of east", "west_probe of west")
-    back = kept(store, six, News(restored=(lost,)))
+    back = kept(store, six, SequenceNews(restored=(lost,)))
     assert set(orders(back)) == {"west", "east"}
     assert back.shared is not None
     assert found.shared is not None
@@ -75,28 +74,28 @@ def test_the_other_arm_takes_what_a_lost_one_has_left(store: str, six: Problem, 
 
 
 def test_without_any_arm_all_is_left_out_with_the_reason(store: str, six: Problem) -> None:
-    found = kept(store, six, News(lost=("east", "west")))
+    found = kept(store, six, SequenceNews(lost=("east", "west")))
     assert found.plan.rest == ()
     assert "west_probe is not available" in found.plan.impossible["m1"]
 
 
 def test_bad_and_unknown_visits(store: str, six: Problem) -> None:
-    found = kept(store, six, News(bad={"m2": "a scratch"}))
+    found = kept(store, six, SequenceNews(bad={"m2": "a scratch"}))
     assert found.dropped == {"m2": "a scratch"}
     assert "m2" not in {each.name for each in found.plan.rest}
     with pytest.raises(InvalidInput, match="K101"):
-        kept(store, six, News(done=("m9",)))
+        kept(store, six, SequenceNews(done=("m9",)))
 
 
 def test_nothing_is_left_when_all_is_done(store: str, six: Problem) -> None:
-    found = kept(store, six, News(done=("m1", "m6", "m2", "m5", "m3", "m4")))
+    found = kept(store, six, SequenceNews(done=("m1", "m6", "m2", "m5", "m3", "m4")))
     assert found.plan.rest == ()
     assert found.shared is None
 
 
 def test_a_plan_follows_the_kept_shares(store: str, six: Problem) -> None:
-    kept(store, six, News(lost=("east",)))
-    followed = sequenced(six, Limits(), store=store)
+    kept(store, six, SequenceNews(lost=("east",)))
+    followed = plan_sequence(six, SearchLimits(), store=store)
     assert followed is not None
     assert isinstance(followed.outcome, Found)
     assert {str(each.resources[-1]) for each in followed.outcome.plan.steps} == {"west"}

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.loader import load_problem
 
 DOMAIN = """domain: tanks
@@ -41,7 +41,7 @@ def test_large_quantities(tmp_path: Path, range_: str, goal: str, steps: int | N
     (tmp_path / "domain.yaml").write_text(DOMAIN.replace("RANGE", range_))
     file = tmp_path / "problems" / "one.yaml"
     file.write_text(PROBLEM.replace("GOAL", goal))
-    outcome = planning.plan(load_problem(str(file)))
+    outcome = checked_plan.plan_problem(load_problem(str(file)))
     if steps is None:
         assert isinstance(outcome, Infeasible)
     else:

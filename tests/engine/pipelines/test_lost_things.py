@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.barring import barred
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.restrictions import forbid_steps
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 
 DOMAIN = """domain: shaking
 types: {place: object, arm: object, plate: object, lid: plate}
@@ -54,7 +54,7 @@ def problem(folder: Path, goals: str) -> Problem:
 
 
 def steps(asked: Problem, *lost: str) -> list[str]:
-    found = planning.plan(barred(asked, lost))
+    found = checked_plan.plan_problem(forbid_steps(asked, lost))
     return [each.operator.name for each in found.plan.steps] if isinstance(found, Found) else []
 
 

@@ -4,15 +4,19 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.interop.tables import read_table
-from cellwright.engine.pipelines.measuring import Expected, Measuring, findings_of
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.simulator.good_part import GoodPart
-from cellwright.engine.pipelines.simulator.truth import Truth
+from cellwright.engine.formats.interop.measurement_tables import read_table
+from cellwright.engine.pipelines.inspection.nominal_values import (
+    ExpectedValue,
+    MeasurementJudge,
+    nominal_findings,
+)
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.simulators.true_part import PartTruth
+from cellwright.engine.pipelines.simulators.true_state import GoodPart
 from cellwright.kb.loader import load
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.model.results import Measured
-from cellwright.kb.syntax import parse
+from cellwright.kb.model.measured_results import Measured
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.syntax import parse_expression
 from cellwright.kb.terms import Function, Number, Text
 
 DOMAIN = """domain: scales
@@ -61,18 +65,18 @@ def problem(tmp_path: Path) -> Problem:
 
 
 def term(text: str) -> Function:
-    found = parse("term", text, "s").value
+    found = parse_expression("term", text, "s").value
     assert isinstance(found, Function)
     return found
 
 
 def test_a_nominal_value_and_its_zone_come_from_facts(problem: Problem) -> None:
-    expected = Measuring(problem).expected(term("weigh(t1, left)"))
-    assert expected == Expected("t1", "mass", "g", "left", 800, 797.5, 802.5)
+    expected = MeasurementJudge(problem).expected(term("weigh(t1, left)"))
+    assert expected == ExpectedValue("t1", "mass", "g", "left", 800, 797.5, 802.5)
 
 
 def test_what_no_fact_tells_is_kept_and_not_judged(problem: Problem) -> None:
-    found = Measuring(problem).measured(term("weigh(t2, left)"), term("value(7)"), 5)
+    found = MeasurementJudge(problem).measured(term("weigh(t2, left)"), term("value(7)"), 5)
     assert found == Measured("t2", "mass", 7, "g", None, None, None, "left", "weigh(t2, left)", 5)
     assert found.passed is None
 
@@ -82,32 +86,32 @@ def test_what_no_fact_tells_is_kept_and_not_judged(problem: Problem) -> None:
     [(Number(797), False), (Text("797.5"), True), (Number(802), True), (Text("802.6"), False)],
 )
 def test_a_value_passes_between_its_limits(problem: Problem, value: Number | Text, passed: bool) -> None:
-    found = Measuring(problem).measured(term("weigh(t1, left)"), Function("value", (value,)), 0)
+    found = MeasurementJudge(problem).measured(term("weigh(t1, left)"), Function("value", (value,)), 0)
     assert found is not None
     assert found.passed is passed
 
 
 def test_one_limit_is_enough(problem: Problem) -> None:
-    measuring = Measuring(problem)
+    measuring = MeasurementJudge(problem)
     assert [
         each.passed
         for value in (-6, -5)
         if (each := measuring.measured(term("see(t1)"), Function("value", (Number(value),)), 0))
     ] == [False, True]
-    assert measuring.expected(term("see(t1)")) == Expected("spot(t1)", "see", "lx", "", None, -5, None)
+    assert measuring.expected(term("see(t1)")) == ExpectedValue("spot(t1)", "see", "lx", "", None, -5, None)
 
 
 @pytest.mark.parametrize(
     "reply", ["done", "value(gone)", 'value("nan")', 'value("1e999")', 'value("")', "value(1, 2)"]
 )
 def test_a_reply_without_a_number_measures_nothing(problem: Problem, reply: str) -> None:
-    assert Measuring(problem).measured(term("weigh(t1, left)"), term(reply), 0) is None
+    assert MeasurementJudge(problem).measured(term("weigh(t1, left)"), term(reply), 0) is None
 
 
 def test_a_step_that_measures_nothing_has_no_result(problem: Problem) -> None:
-    assert Measuring(problem).expected(term("dry(t1)")) is None
-    assert Measuring(problem).measured(term("dry(t1)"), term("done"), 0) is None
-    assert findings_of(problem) == []
+    assert MeasurementJudge(problem).expected(term("dry(t1)")) is None
+    assert MeasurementJudge(problem).measured(term("dry(t1)"), term("done"), 0) is None
+    assert nominal_findings(problem) == []
 
 
 def test_a_table_brings_nominal_values(tmp_path: Path) -> None:
@@ -120,11 +124,11 @@ def test_a_table_brings_nominal_values(tmp_path: Path) -> None:
 
 def test_a_simulated_part_of_which_nothing_is_known_gives_what_is_usual() -> None:
     problem = problem_of("bulkhead/twelve_points")
-    good, truth = GoodPart(problem, 1), Truth(problem)
+    good, truth = GoodPart(problem, 1), PartTruth(problem)
     wall, surface = term("us_measure(us_probe, t3_746, m1)"), term("laser_measure(slra, t3_746, m4)")
     assert abs(int(good.value(wall, 1)) - 5000) < 200
     assert abs(int(good.value(surface, 1))) < 200
     assert truth.value(wall) == "5000"
-    measured = Measuring(problem).heard(wall, "value(4993)", 0)
+    measured = MeasurementJudge(problem).heard(wall, "value(4993)", 0)
     assert measured is not None
     assert (measured.nominal, measured.passed) == (None, None)

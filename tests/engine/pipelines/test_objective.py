@@ -9,18 +9,18 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.model.forecast import makespan
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.pipelines import makespan as makespans
-from cellwright.engine.pipelines import objective, planning
-from cellwright.engine.pipelines.objective import Objective, Order
-from cellwright.engine.pipelines.timetable import timetable
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.model.plan_times import plan_makespan
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.planning import checked_plan, plan_objective
+from cellwright.engine.pipelines.planning import makespan_plans as makespans
+from cellwright.engine.pipelines.planning.plan_objective import PlanningObjective, SequenceChoice
+from cellwright.engine.pipelines.planning.timetable import make_timetable
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.scheduling import check_schedule
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 
 PORTERS = """domain: porters
 include: [rules.lp]
@@ -81,13 +81,13 @@ def porters(folder: Path, left: int, right: int, goals: str, initial: tuple[str,
 
 
 def made(problem: Problem) -> Timetable:
-    run = objective.plan(problem)
+    run = plan_objective.plan_for_objective(problem)
     assert isinstance(run.outcome, Found)
     assert run.timetable is not None
-    assert validate(problem, run.outcome.plan) == []
+    assert validate_plan(problem, run.outcome.plan) == []
     assert check_schedule(run.timetable.shop, run.timetable.schedule) == ()
-    assert makespan(run.outcome.plan) <= makespan(run.outcome.plan, run.starts)
-    assert makespan(run.outcome.plan, run.starts) == run.timetable.schedule.makespan
+    assert plan_makespan(run.outcome.plan) <= plan_makespan(run.outcome.plan, run.starts)
+    assert plan_makespan(run.outcome.plan, run.starts) == run.timetable.schedule.makespan
     return run.timetable
 
 
@@ -108,7 +108,7 @@ def least(left: int, right: int, number: int) -> int:
     ],
 )
 def test_the_default_answer_is_good_in_makespan(target: str, most: int, steps: int) -> None:
-    found = made(planning.problem_of(target))
+    found = made(checked_plan.problem_of(target))
     assert found.schedule.makespan <= most
     assert len(found.plan.steps) <= steps
 
@@ -126,7 +126,9 @@ def test_arms_share_the_work_in_the_best_way(
 def test_cost_and_makespan_are_different_objectives(tmp_path: Path) -> None:
     goals = ", ".join(f"at(i{n}, shelf)" for n in range(1, 5))
     problem = porters(tmp_path, 5, 5, goals)
-    cheap, quick = (objective.plan(problem, Limits(), each) for each in Objective)
+    cheap, quick = (
+        plan_objective.plan_for_objective(problem, SearchLimits(), each) for each in PlanningObjective
+    )
     assert isinstance(cheap.outcome, Found)
     assert isinstance(quick.outcome, Found)
     assert cheap.outcome.plan.cost <= quick.outcome.plan.cost
@@ -150,11 +152,11 @@ def test_a_step_that_moves_two_things_is_scheduled(tmp_path: Path) -> None:
 
 
 def test_schedule_is_never_longer_than_plan() -> None:
-    problem = planning.problem_of("bulkhead/both_tools")
-    fastest = objective.fastest(problem, Limits())
+    problem = checked_plan.problem_of("bulkhead/both_tools")
+    fastest = plan_objective.plan_fastest(problem, SearchLimits())
     assert isinstance(fastest, Timetable)
     assert fastest.schedule.makespan <= made(problem).schedule.makespan
-    again = timetable(problem, fastest.plan)
+    again = make_timetable(problem, fastest.plan)
     assert isinstance(again, Timetable)
     assert again.schedule.makespan == fastest.schedule.makespan
 
@@ -167,27 +169,29 @@ def test_the_plan_that_is_printed_has_its_chart_and_says_what_is_proved() -> Non
 
 def test_an_interrupted_call_still_gives_a_plan() -> None:
     asked = itertools.count()
-    limits = Limits(interrupted=lambda: next(asked) > 50)
-    run = objective.plan(planning.problem_of("themse/one"), limits)
+    limits = SearchLimits(interrupted=lambda: next(asked) > 50)
+    run = plan_objective.plan_for_objective(checked_plan.problem_of("themse/one"), limits)
     assert isinstance(run.outcome, Found)
     assert run.timetable is not None
 
 
 def test_when_the_time_is_over_no_solver_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = planning.problem_of("themse/two")
-    outcome, task = planning.planned(problem)
+    problem = checked_plan.problem_of("themse/two")
+    outcome, task = checked_plan.plan_and_ground(problem)
     assert isinstance(outcome, Found)
-    monkeypatch.setattr(makespans, "timed", None)  # would fail
-    best, refused = makespans.fastest(problem, task, outcome, Limits(interrupted=lambda: True))
+    monkeypatch.setattr(makespans, "time_plan", None)  # would fail
+    best, refused = makespans.search_least_makespan(
+        problem, task, outcome, SearchLimits(interrupted=lambda: True)
+    )
     assert refused is None
-    assert not validate(problem, best.plan)
+    assert not validate_plan(problem, best.plan)
 
 
 def test_plans_that_are_told_of_have_their_own_cost() -> None:
     """A second plan is looked for with times in the place of costs, and such sums are told to nobody."""
     problem, heard = load_problem("bulkhead/both_tools"), list[int]()
-    limits = Limits(thorough=True, improved=lambda plan: heard.append(plan.cost))
-    run = objective.plan(problem, limits, order=Order.FREE)
+    limits = SearchLimits(thorough=True, improved=lambda plan: heard.append(plan.cost))
+    run = plan_objective.plan_for_objective(problem, limits, order=SequenceChoice.FREE)
     assert isinstance(run.outcome, Found)
     assert heard == sorted(heard, reverse=True)
     assert heard[-1] == run.outcome.plan.cost

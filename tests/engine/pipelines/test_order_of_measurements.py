@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 
 TARGET = "bulkhead/twelve_points"
 ACTS = ("put down the ultrasonic probe", "pick up the laser", "go to m6", "put down the laser")
@@ -34,7 +34,7 @@ def sentence(seed: int) -> tuple[str, list[str]]:
 @pytest.mark.parametrize("seed", range(6))
 def test_measurements_among_other_acts_keep_the_order_of_their_sentence(seed: int) -> None:
     command, points = sentence(seed)
-    outcome = planning.plan(planning.problem_of(TARGET, "", command))
+    outcome = checked_plan.plan_problem(checked_plan.problem_of(TARGET, "", command))
     assert isinstance(outcome, Found)
     assert measured(str(each.operator) for each in outcome.plan.steps) == points
     assert all(one.id in other.after for one, other in itertools.pairwise(outcome.plan.steps))

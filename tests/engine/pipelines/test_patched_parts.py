@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import pytest
 
-from cellwright.engine.model.moves import Unmoved
+from cellwright.engine.model.motion_values import Unmoved
 from cellwright.engine.model.outcome import Found, Infeasible, Outcome
-from cellwright.engine.pipelines import objective
-from cellwright.engine.pipelines.moves.bars import without_blocked
-from cellwright.engine.pipelines.moves.leaving_out import within_reach
-from cellwright.engine.pipelines.objective import Run
-from cellwright.engine.pipelines.parts.patching import patched
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.validation import validate
-from cellwright.kb.model.plan import Step
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.pipelines.planning import plan_objective
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.decomposition.joined_plan import patch_plan
+from cellwright.engine.pipelines.planning.goal_selection import drop_unreachable_goals
+from cellwright.engine.pipelines.planning.plan_objective import Run
+from cellwright.engine.pipelines.planning.restrictions import forbid_unreachable_steps
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.kb.model.plan_model import Step
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
 
@@ -29,7 +29,7 @@ def problem() -> Problem:
 
 @pytest.fixture(scope="module")
 def run(problem: Problem) -> Run:
-    return objective.plan(problem, Limits())
+    return plan_objective.plan_for_objective(problem, SearchLimits())
 
 
 def step_to(run: Run, point: str) -> Step:
@@ -41,14 +41,14 @@ def step_to(run: Run, point: str) -> Step:
 def barred(problem: Problem, step: Step, *regardless: int) -> Problem:
     """The problem without a step, whatever some of its arguments are."""
     one = Unmoved(step.id, step.operator, "", "way", "", regardless=frozenset(regardless))
-    return without_blocked(problem, [one])
+    return forbid_unreachable_steps(problem, [one])
 
 
 def again(problem: Problem, run: Run, step: Step) -> Outcome | None:
     """The plan of a run, patched where a step is barred."""
     assert isinstance(run.outcome, Found)
     assert run.itinerary is not None
-    return patched(problem, run.outcome.plan, run.itinerary, step.id)
+    return patch_plan(problem, run.outcome.plan, run.itinerary, step.id)
 
 
 def test_another_station_serves_where_the_first_one_is_barred(problem: Problem, run: Run) -> None:
@@ -57,7 +57,7 @@ def test_another_station_serves_where_the_first_one_is_barred(problem: Problem, 
     found = again(asked, run, step)
     assert isinstance(found, Found)
     assert isinstance(run.outcome, Found)
-    assert not validate(asked, found.plan)
+    assert not validate_plan(asked, found.plan)
     old = [each.operator for each in run.outcome.plan.steps]
     new = [each.operator for each in found.plan.steps]
     at = old.index(step.operator)
@@ -68,11 +68,11 @@ def test_another_station_serves_where_the_first_one_is_barred(problem: Problem, 
 
 def test_a_measurement_that_is_given_up_is_left_out_and_nothing_else(problem: Problem, run: Run) -> None:
     step = step_to(run, "b1")
-    asked, given_up = within_reach(barred(problem, step), {"b1": "no way leads there"})
+    asked, given_up = drop_unreachable_goals(barred(problem, step), {"b1": "no way leads there"})
     found = again(asked, run, step)
     assert len(given_up) == 1
     assert isinstance(found, Found)
-    assert not validate(asked, found.plan)
+    assert not validate_plan(asked, found.plan)
     assert all("b1" not in str(each.operator) for each in found.plan.steps)
 
 

@@ -5,25 +5,25 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.pipelines import preparation
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.poses.keeping import kept_poses
-from cellwright.engine.pipelines.preparation import poses
-from cellwright.engine.pipelines.preparation.results import PreparationJob
-from cellwright.engine.pipelines.units import crew_of
-from cellwright.engine.pipelines.units.content import content
+from cellwright.engine.pipelines import precompute
+from cellwright.engine.pipelines.jobs import crew_of
+from cellwright.engine.pipelines.jobs.input_digests import content_digest
+from cellwright.engine.pipelines.motion.measurement_poses import kept_poses
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.precompute import problem_preparation
+from cellwright.engine.pipelines.precompute.preparation_results import PreparationJob
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.planning import Limits
-from cellwright.kb.loader import find
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.kb.loader import find_target
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.store.poses import PoseStore
+from cellwright.kb.store.inspection_store import PoseStore
 
 TARGET = "halves/six"
 
 
 def job(store: Path) -> PreparationJob:
-    path = find("halves/six")
-    return PreparationJob(path, str(store), 1_000, 0, content(path))
+    path = find_target("halves/six")
+    return PreparationJob(path, str(store), 1_000, 0, content_digest(path))
 
 
 def documents(store: Path) -> dict[tuple[str, str, str], object]:
@@ -35,8 +35,8 @@ def documents(store: Path) -> dict[tuple[str, str, str], object]:
 def test_units_find_the_poses_that_one_call_finds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: int
 ) -> None:
-    monkeypatch.setattr(poses, "MANY", 4)
-    found = poses.find_poses([job(tmp_path / "units.db")], crew_of(processes), lambda: False)
+    monkeypatch.setattr(problem_preparation, "MEASUREMENTS_PER_UNIT", 4)
+    found = problem_preparation.find_poses([job(tmp_path / "units.db")], crew_of(processes), lambda: False)
     problem = problem_of(TARGET)
     alone = kept_poses(str(tmp_path / "alone.db"), problem, cell_of(TARGET), geometry_backend())
     assert alone.made == len(documents(tmp_path / "alone.db")) == found.total() > 0
@@ -56,8 +56,8 @@ def test_small_problems_many_problems_and_bad_files_have_no_such_units(tmp_path:
     bad = tmp_path / "bad.yaml"
     bad.write_text("problem: [")
     jobs = [job(tmp_path / "cell.db"), PreparationJob(bad, str(tmp_path / "cell.db"), 1, 0, "")]
-    for asked in (jobs, jobs * poses.FEW):
-        poses.find_poses(asked, crew_of(1), lambda: False)
+    for asked in (jobs, jobs * problem_preparation.FEW_PROBLEMS):
+        problem_preparation.find_poses(asked, crew_of(1), lambda: False)
     assert not (tmp_path / "cell.db").exists()
 
 
@@ -65,15 +65,17 @@ def test_small_problems_many_problems_and_bad_files_have_no_such_units(tmp_path:
 def test_a_preparation_by_processes_keeps_shares_and_finds_what_the_units_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(poses, "MANY", 4)
-    paths = [find("halves/six")]
-    made = preparation.prepare(paths, str(tmp_path / "cell.db"), Limits(100_000), crew_of(2))
+    monkeypatch.setattr(problem_preparation, "MEASUREMENTS_PER_UNIT", 4)
+    paths = [find_target("halves/six")]
+    made = precompute.prepare_problems(paths, str(tmp_path / "cell.db"), SearchLimits(100_000), crew_of(2))
     (six,) = made.problems
     assert six.status == "found"
     assert six.poses is not None
     assert (six.poses.made, six.poses.kept, six.poses.reached) == (len(documents(tmp_path / "cell.db")), 0, 6)
     assert six.sequence is not None
     assert six.sequence.way == "made"
-    (again,) = preparation.prepare(paths, str(tmp_path / "cell.db"), Limits(100_000), crew_of(2)).problems
+    (again,) = precompute.prepare_problems(
+        paths, str(tmp_path / "cell.db"), SearchLimits(100_000), crew_of(2)
+    ).problems
     assert again.poses is not None
     assert (again.poses.made, again.poses.kept) == (0, six.poses.made)

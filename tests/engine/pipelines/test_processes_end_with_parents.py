@@ -9,7 +9,7 @@ import time
 SCRIPT = """
 import multiprocessing, os, time
 from concurrent.futures import ProcessPoolExecutor
-from cellwright.engine.pipelines.units.parents import end_with_parent
+from cellwright.engine.pipelines.jobs.parent_exit import end_with_parent
 
 if __name__ == "__main__":
     pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent)

@@ -8,12 +8,12 @@ from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.objective import plan
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.renaming import in_the_order_said
-from cellwright.kb.model.plan import Plan
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.object_order import canonical_object_order
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
+from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Number
 
 HEAT = "process {} in the furnace for 15 min"
@@ -21,7 +21,7 @@ HEAT = "process {} in the furnace for 15 min"
 
 def found(problem: Problem) -> Plan:
     """The plan of a problem that has one."""
-    outcome = plan(problem).outcome
+    outcome = plan_for_objective(problem).outcome
     assert isinstance(outcome, Found)
     return outcome.plan
 
@@ -57,7 +57,9 @@ def test_probes_that_are_heated_for_different_times_come_in_the_order_in_which_t
 def test_what_differs_in_its_goals_keeps_its_turn(sentence: str) -> None:
     problem = problem_of("themse", "", sentence)
     tried: list[Plan] = []
-    in_the_order_said(PlanGate().semantics(problem), found(problem), lambda plan: bool(tried.append(plan)))
+    canonical_object_order(
+        PlanGate().semantics(problem), found(problem), lambda plan: bool(tried.append(plan))
+    )
     assert tried == []
 
 
@@ -69,7 +71,7 @@ def test_numbers_that_a_problem_gives_to_an_object_tell_it_from_others() -> None
     pair = dataclasses.replace(problem, chains=(chains[three], chains[one]))
     tried: list[Plan] = []
     made = found(problem)
-    in_the_order_said(PlanGate().semantics(pair), made, lambda other: bool(tried.append(other)))
+    canonical_object_order(PlanGate().semantics(pair), made, lambda other: bool(tried.append(other)))
     assert [fact.arguments[1] for fact in problem.statics if fact.name == "weight"][::2] == [
         Number(12),
         Number(14),
@@ -81,7 +83,7 @@ def test_a_plan_in_another_order_that_the_checker_refuses_is_left() -> None:
     problem = problem_of("themse", "", HEAT.format("probe 2 and probe 1"))
     other = problem_of("themse", "", HEAT.format("probe 1 and probe 2"))
     made, asked = found(problem), list[Plan]()
-    kept = in_the_order_said(PlanGate().semantics(other), made, lambda each: bool(asked.append(each)))
+    kept = canonical_object_order(PlanGate().semantics(other), made, lambda each: bool(asked.append(each)))
     assert kept == made
     assert [heated(each) for each in asked] == [["probe_1", "probe_2"]]
     assert PlanGate().findings(other, asked[0]) == []

@@ -8,17 +8,21 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from cellwright.engine.formats.report.itinerary import entry
-from cellwright.engine.formats.report.itinerary import text as shown
-from cellwright.engine.model.measurements import wanted
+from cellwright.engine.formats.report.plans.itinerary_report import itinerary_entry
+from cellwright.engine.formats.report.plans.itinerary_report import itinerary_text as shown
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.objective import Objective, Order, plan
-from cellwright.engine.pipelines.parts import by_sequence
-from cellwright.engine.pipelines.parts.itinerary import order_of
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.kb.loader import find, load
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.model.part_measurements import goal_measurements
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.decomposition import by_sequence
+from cellwright.engine.pipelines.planning.decomposition.measurement_order import order_of
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.pipelines.planning.plan_objective import (
+    PlanningObjective,
+    SequenceChoice,
+    plan_for_objective,
+)
+from cellwright.kb.loader import find_target, load
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Term
 
 
@@ -38,7 +42,7 @@ def text(count: int, seed: int = 1, more: str = "", kinds: str = "") -> str:
 def inspection(folder: Path, written: str) -> Problem:
     path = folder / "points.yaml"
     path.write_text(written)
-    problem = load(find(str(path))).problem
+    problem = load(find_target(str(path))).problem
     assert problem is not None
     return problem
 
@@ -104,7 +108,7 @@ def test_as_many_operators_are_grounded_for_one_of_many_points_as_for_one_of_few
 
 def test_a_plan_of_a_sequence_is_no_worse_than_one_of_the_planner_alone(tmp_path: Path) -> None:
     problem = inspection(tmp_path, text(6))
-    own, free = plan(problem), plan(problem, order=Order.FREE)
+    own, free = plan_for_objective(problem), plan_for_objective(problem, order=SequenceChoice.FREE)
     assert own.itinerary is not None
     assert free.itinerary is None
     assert isinstance(own.outcome, Found)
@@ -142,7 +146,7 @@ def test_a_measurement_that_nothing_can_make_has_no_plan_and_the_reason_is_told(
 
 
 def test_other_problems_are_no_inspections() -> None:
-    problem = load(find("themse/one")).problem
+    problem = load(find_target("themse/one")).problem
     assert problem is not None
     assert by_sequence(problem) is None
 
@@ -176,11 +180,11 @@ def test_measurements_that_cannot_be_made_and_that_no_goal_asks_for_are_told(tmp
             "statics:\n  - needs(m5, profile)\n  - position(m5, 0, 0, 0)\n  - tolerance(m5, 1)\n",
         )
     )
-    run = plan(inspection(tmp_path, written))
+    run = plan_for_objective(inspection(tmp_path, written))
     assert run.itinerary is not None
     assert set(run.itinerary.unasked) == {"m5", "m6"}
     assert run.itinerary.partition.impossible == {}
-    assert set(entry(run)["sequence"]["partition"]["impossible"]) == {"m5", "m6"}
+    assert set(itinerary_entry(run)["sequence"]["partition"]["impossible"]) == {"m5", "m6"}
     console = Console(width=200, record=True, file=StringIO())
     console.print(shown(run, "s"))
     assert "No goal asks for 2 measurements that cannot be made: " in console.export_text()
@@ -189,7 +193,7 @@ def test_measurements_that_cannot_be_made_and_that_no_goal_asks_for_are_told(tmp
 def test_a_sentence_that_orders_measurements_has_them_made_in_this_order() -> None:
     """A measurement that was made stays made, so nothing but the tour keeps its place in the order."""
     problem = problem_of("bulkhead/twelve_points", command="measure m9, then m1, then m8")
-    outcome = plan(problem).outcome
+    outcome = plan_for_objective(problem).outcome
     assert isinstance(outcome, Found)
     names = [step.operator.name for step in outcome.plan.steps]
     made = [
@@ -204,7 +208,7 @@ def test_a_workflow_of_other_acts_is_no_order_of_measurements() -> None:
     problem = problem_of(
         "bulkhead/twelve_points", command="measure m1, then pick up the laser, then measure m2"
     )
-    assert order_of(problem, wanted(problem)) is None
+    assert order_of(problem, goal_measurements(problem)) is None
 
 
 def stationed(count: int, seed: int) -> str:
@@ -219,8 +223,8 @@ def test_plans_from_several_stations_are_no_worse_than_those_of_the_planner_alon
     tmp_path: Path, count: int, seed: int
 ) -> None:
     problem = inspection(tmp_path, stationed(count, seed))
-    fast, cheap = plan(problem), plan(problem, objective=Objective.COST)
-    free = plan(problem, objective=Objective.COST, order=Order.FREE)
+    fast, cheap = plan_for_objective(problem), plan_for_objective(problem, objective=PlanningObjective.COST)
+    free = plan_for_objective(problem, objective=PlanningObjective.COST, order=SequenceChoice.FREE)
     for own in (fast, cheap):
         assert own.itinerary is not None
         assert own.timetable is not None
@@ -233,7 +237,7 @@ def test_plans_from_several_stations_are_no_worse_than_those_of_the_planner_alon
 
 def test_runs_are_put_in_order_from_where_the_arm_stands() -> None:
     """Twenty seconds of driving are saved if the station at which the arm stands comes first."""
-    run = plan(problem_of("bulkhead/three_stations"))
+    run = plan_for_objective(problem_of("bulkhead/three_stations"))
     assert isinstance(run.outcome, Found)
     assert run.timetable is not None
     assert (run.outcome.plan.cost, run.timetable.schedule.makespan) == (31, 203)

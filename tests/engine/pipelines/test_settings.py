@@ -6,22 +6,22 @@ from itertools import pairwise
 import pytest
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits
-from cellwright.kb.model.plan import Plan
-from cellwright.kb.model.problem import Chain, Problem
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Chain, Problem
 from cellwright.kb.terms import Function
 
 
-def planned(problem: Problem, limits: Limits = Limits()) -> Plan:
-    outcome = planning.plan(problem, limits)
+def planned(problem: Problem, limits: SearchLimits = SearchLimits()) -> Plan:
+    outcome = checked_plan.plan_problem(problem, limits)
     assert isinstance(outcome, Found)
     return outcome.plan
 
 
 def said(sentence: str) -> Plan:
-    return planned(planning.problem_of("themse", command=sentence))
+    return planned(checked_plan.problem_of("themse", command=sentence))
 
 
 @pytest.mark.parametrize(
@@ -86,22 +86,22 @@ def test_what_the_sentence_undoes_later_is_undone_after_what_is_said_between(sen
 
 
 def test_only_the_probes_that_are_elsewhere_are_stored() -> None:
-    base = planning.problem_of("themse/in_furnace")
-    everyone = planning.problem_of("themse", command="store all probes").chains
+    base = checked_plan.problem_of("themse/in_furnace")
+    everyone = checked_plan.problem_of("themse", command="store all probes").chains
     assert planned(replace(base, chains=everyone)).cost == 4
 
 
 def test_goals_mean_the_same() -> None:
-    assert planned(planning.problem_of("themse", "stored(probe_1), position(flap, closed)")).steps == ()
+    assert planned(checked_plan.problem_of("themse", "stored(probe_1), position(flap, closed)")).steps == ()
 
 
 @pytest.mark.slow
 def test_many_chains_that_begin_with_one_setting_make_no_more_operators() -> None:
     """Each operator that adds a setting had two variants for each chain that waits for it."""
-    base = planning.problem_of("themse", command="open the flap, then close the flap")
+    base = checked_plan.problem_of("themse", command="open the flap, then close the flap")
     flap = Function("position", (Function("flap"), Function("open")))
     heated = [Function("sensed", (Function(name),)) for name in ("distance", "slippage")]
     chains = tuple(Chain(f"c{n}", (flap, heated[n % 2])) for n in range(24))
     task = ground(replace(base, chains=chains))
     assert len(task.operators) < 200
-    assert planned(replace(base, chains=chains), Limits(room=None, restarts=0)).cost == 25
+    assert planned(replace(base, chains=chains), SearchLimits(room=None, restarts=0)).cost == 25

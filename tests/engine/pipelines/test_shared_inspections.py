@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.interop.inspections import import_file
+from cellwright.engine.formats.interop.inspection_files import import_file
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.windows import visits_of
-from cellwright.engine.pipelines.inspection.demands import Demands, as_facts
-from cellwright.engine.pipelines.objective import Run, plan
-from cellwright.engine.pipelines.parts import Shared, shares_of
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.model.time_limits import measured_steps
+from cellwright.engine.pipelines.inspection.tour_demands import TourDemands, as_facts
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.decomposition import SharedMeasurements, shares_of
+from cellwright.engine.pipelines.planning.plan_objective import Run, plan_for_objective
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Number
 
 WEST, EAST = Function("west"), Function("east")
@@ -30,9 +30,9 @@ def within(arm: str, name: str) -> Function:
     return Function("within_reach", (Function(arm), Function(name)))
 
 
-def shares(problem: Problem, demands: Demands = Demands()) -> Shared:
+def shares(problem: Problem, demands: TourDemands = TourDemands()) -> SharedMeasurements:
     found = shares_of(problem, demands)
-    assert isinstance(found, Shared)
+    assert isinstance(found, SharedMeasurements)
     return found
 
 
@@ -40,7 +40,7 @@ def begins(run: Run, problem: Problem) -> dict[str, int]:
     """When each measurement of a plan begins."""
     assert isinstance(run.outcome, Found)
     assert run.starts is not None
-    return {name: run.starts[step] for step, name in visits_of(problem, run.outcome.plan).items()}
+    return {name: run.starts[step] for step, name in measured_steps(problem, run.outcome.plan).items()}
 
 
 def test_each_arm_begins_on_its_side_and_both_are_done_at_once() -> None:
@@ -64,11 +64,11 @@ def test_shares_are_the_best_of_all_ways_to_share() -> None:
 
 def test_the_schedule_of_the_plan_lasts_as_long_as_the_shares_say() -> None:
     problem = six()
-    run, found = plan(problem), shares(problem)
+    run, found = plan_for_objective(problem), shares(problem)
     assert isinstance(run.outcome, Found)
     assert run.timetable is not None
     assert abs(run.timetable.schedule.makespan - found.lasts(found.shares.makespan)) <= 3
-    alone = plan(six(*(within("west", f"m{n}") for n in range(1, 7))))
+    alone = plan_for_objective(six(*(within("west", f"m{n}") for n in range(1, 7))))
     assert alone.timetable is not None
     assert alone.timetable.schedule.makespan >= 1.7 * run.timetable.schedule.makespan
 
@@ -81,11 +81,11 @@ def test_what_one_arm_alone_reaches_is_its_own() -> None:
 
 
 def test_arms_keep_the_order_of_measurements_of_both() -> None:
-    demands = Demands(before=(("m6", "m1"), ("m2", "m5")))
+    demands = TourDemands(before=(("m6", "m1"), ("m2", "m5")))
     problem = as_facts(six(), demands)
     found = shares(problem)
     assert set(found.waits) == {pair for pair in demands.before if found.arms[pair[0]] != found.arms[pair[1]]}
-    run = plan(problem)
+    run = plan_for_objective(problem)
     at = begins(run, problem)
     assert all(at[first] < at[second] for first, second in demands.before)
 
@@ -93,8 +93,8 @@ def test_arms_keep_the_order_of_measurements_of_both() -> None:
 def test_arms_do_not_wait_for_each_other_in_a_circle() -> None:
     facts = [within("west", f"m{n}") for n in (1, 2)] + [within("east", f"m{n}") for n in (3, 4, 5, 6)]
     pairs = (("m2", "m3"), ("m4", "m1"), ("m1", "m2"), ("m3", "m5"))
-    problem = as_facts(six(*facts), Demands(before=pairs))
-    at = begins(plan(problem), problem)
+    problem = as_facts(six(*facts), TourDemands(before=pairs))
+    at = begins(plan_for_objective(problem), problem)
     assert all(at[first] < at[second] for first, second in pairs)
 
 
@@ -102,7 +102,7 @@ def test_all_arms_wait_for_the_alignment() -> None:
     problem = six()
     facts = tuple(Function("alignment", (Function(name), Number(1))) for name in ("m3", "m4"))
     problem = replace(problem, statics=(*problem.statics, *facts))
-    at = begins(plan(problem), problem)
+    at = begins(plan_for_objective(problem), problem)
     assert max(at["m3"], at["m4"]) < min(at[f"m{n}"] for n in (1, 2, 5, 6))
 
 
@@ -116,7 +116,7 @@ def test_a_goal_that_names_an_arm_is_for_that_arm() -> None:
 def test_a_tool_that_is_for_no_arm_is_held_by_one_of_them() -> None:
     problem = six()
     rules = tuple(each for each in problem.statics if each.name != "equips")
-    run = plan(replace(problem, statics=rules))
+    run = plan_for_objective(replace(problem, statics=rules))
     assert isinstance(run.outcome, Found)
 
 
@@ -137,7 +137,7 @@ def test_what_no_arm_reaches_is_told_with_the_reason() -> None:
 def test_one_measurement_is_made_by_an_arm_that_reaches_it() -> None:
     asked = problem_of("halves/six", "measured(_, _, meas(m6))", "")
     for arm in ("west", "east"):
-        run = plan(replace(asked, statics=(*asked.statics, within(arm, "m6"))))
+        run = plan_for_objective(replace(asked, statics=(*asked.statics, within(arm, "m6"))))
         assert isinstance(run.outcome, Found)
         assert {str(step.resources[-1]) for step in run.outcome.plan.steps} == {arm}
 

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
+from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.model.task import Task
-from cellwright.engine.pipelines.makespan import fastest
-from cellwright.engine.pipelines.planning import planned, problem_of
-from cellwright.engine.pipelines.timetable import timed
-from cellwright.engine.pipelines.timetable.spares import spare_means, with_one_of_each
-from cellwright.engine.stages.planning import Limits
-from cellwright.kb.model.plan import Plan
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.planning.checked_plan import plan_and_ground, problem_of
+from cellwright.engine.pipelines.planning.makespan_plans import search_least_makespan
+from cellwright.engine.pipelines.planning.timetable import time_plan
+from cellwright.engine.pipelines.planning.timetable.alternative_means import spare_means, with_one_of_each
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Problem
 
 DOMAIN = """
 domain: swap
@@ -50,12 +50,12 @@ deductive_operators:
 PROBLEM = 'problem: swapped\ndomain: swap\ngoals: ["at(bolt, jig)", "at(nut, tray)"]\n'
 
 
-def swapped(folder: Path, spots: str) -> tuple[Problem, Found, Task]:
+def swapped(folder: Path, spots: str) -> tuple[Problem, Found, GroundTask]:
     """Two parts change places, which takes both hands, or one hand and a third spot."""
     (folder / "domain.yaml").write_text(DOMAIN.replace("SPOTS", spots))
     (folder / "problem.yaml").write_text(PROBLEM)
     problem = problem_of(str(folder / "problem.yaml"))
-    outcome, task = planned(problem, Limits())
+    outcome, task = plan_and_ground(problem, SearchLimits())
     assert isinstance(outcome, Found)
     return problem, outcome, task
 
@@ -68,7 +68,7 @@ def test_of_two_hands_one_is_spare_and_the_other_does_it_alone(tmp_path: Path) -
     problem, outcome, task = swapped(tmp_path, "[tray, jig, shelf]")
     assert hands(outcome.plan) == {"left", "right"}
     (spare,) = spare_means(task, outcome.plan)
-    fewer = with_one_of_each(problem, task, outcome, Limits())
+    fewer = with_one_of_each(problem, task, outcome, SearchLimits())
     assert fewer is not None
     assert hands(fewer) == {"left", "right"} - {str(spare)}
 
@@ -76,16 +76,16 @@ def test_of_two_hands_one_is_spare_and_the_other_does_it_alone(tmp_path: Path) -
 def test_where_both_hands_are_needed_there_is_no_other_plan(tmp_path: Path) -> None:
     problem, outcome, task = swapped(tmp_path, "[tray, jig]")
     assert spare_means(task, outcome.plan)
-    assert with_one_of_each(problem, task, outcome, Limits()) is None
+    assert with_one_of_each(problem, task, outcome, SearchLimits()) is None
 
 
 @pytest.mark.parametrize("spots", ["[tray, jig]", "[tray, jig, shelf]"])
 def test_the_answer_is_never_later_than_the_plan_of_one_hand(tmp_path: Path, spots: str) -> None:
     problem, outcome, task = swapped(tmp_path, spots)
-    best, _ = fastest(problem, task, outcome, Limits())
-    fewer = with_one_of_each(problem, task, outcome, Limits())
+    best, _ = search_least_makespan(problem, task, outcome, SearchLimits())
+    fewer = with_one_of_each(problem, task, outcome, SearchLimits())
     if fewer is not None:
-        alone = timed(problem, task, fewer)
+        alone = time_plan(problem, task, fewer)
         assert isinstance(alone, Timetable)
         assert best.schedule.makespan <= alone.schedule.makespan
     assert hands(best.plan) == {"left", "right"}  # each carries one part: sooner than one after the other

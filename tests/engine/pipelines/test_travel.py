@@ -10,21 +10,20 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.pipelines.inspection import partition, tour_problem
-from cellwright.engine.pipelines.inspection.ways import time_between
-from cellwright.engine.pipelines.points import with_places
-from cellwright.engine.pipelines.timetable import keeping, timetable
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.inspection.measurement_points import with_places
+from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool, tour_problem
+from cellwright.engine.pipelines.inspection.travel_costs import time_between
+from cellwright.engine.pipelines.planning.timetable import keep_plan_order, make_timetable
 from cellwright.engine.stages.grounding import ground
 from cellwright.engine.stages.scheduling import check_schedule
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.asp import ground_term
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_domain, load_problem, with_goals
-from cellwright.kb.model.domain import Domain, Kind, Predicate
-from cellwright.kb.model.motion import Motion, distance
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import Domain, Kind, Motion, Predicate, distance_um
+from cellwright.kb.model.plan_model import Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Term
 
 FEW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -106,21 +105,21 @@ def walked(problem: Problem, through: list[str]) -> Plan:
 def test_planner_scheduler_and_checker_agree_on_every_way(problem: Problem, through: list[str]) -> None:
     plan = walked(problem, through)
     assume(plan.steps)
-    assert validate(problem, plan) == []
+    assert validate_plan(problem, plan) == []
     total = sum(step.duration for step in plan.steps)
-    for made in (timetable(problem, plan), keeping(problem, plan)):
+    for made in (make_timetable(problem, plan), keep_plan_order(problem, plan)):
         assert isinstance(made, Timetable)
         assert made.schedule.makespan == total
         assert check_schedule(made.shop, made.schedule) == ()
     longer = dataclasses.replace(plan.steps[-1], duration=plan.steps[-1].duration + 1)
-    assert [each.code for each in validate(problem, Plan((*plan.steps[:-1], longer)))] == ["K508"]
+    assert [each.code for each in validate_plan(problem, Plan((*plan.steps[:-1], longer)))] == ["K508"]
 
 
 @given(st.one_of(straight(), tabled()), st.permutations(range(3)))
 @FEW
 def test_the_sequencer_counts_what_the_steps_of_the_plan_take(problem: Problem, order: list[int]) -> None:
     known = {operator.instance: operator.duration for operator in ground(problem).operators}
-    tours = tour_problem(problem, partition(problem))
+    tours = tour_problem(problem, partition_by_tool(problem))
     names = [tours.visits[n].name for n in order]
     steps = [fact(f"move(t3_746, meas({a}), meas({b}))") for a, b in pairwise(names)]
     assert time_between(problem, tours, order) == sum(known[step] for step in steps)
@@ -157,10 +156,10 @@ def test_a_distance_is_rounded_to_the_nearest_micrometre(
     here: tuple[int, int, int], there: tuple[int, int, int]
 ) -> None:
     squared = sum((a - b) ** 2 for a, b in zip(here, there, strict=True))
-    found = distance(here, there)
+    found = distance_um(here, there)
     assert (2 * found - 1) ** 2 <= 4 * squared or found == 0
     assert 4 * squared <= (2 * found + 1) ** 2
-    assert found == distance(there, here)
+    assert found == distance_um(there, here)
     assert abs(found - math.dist(here, there)) <= 1
 
 
@@ -181,7 +180,7 @@ def test_what_the_sequencer_cannot_tell_is_reported(listed: list[str], tmp_path:
     )
     problem = inspection(domain, listed)
     with pytest.raises(InvalidInput) as caught:
-        tour_problem(problem, partition(problem))
+        tour_problem(problem, partition_by_tool(problem))
     assert [each.code for each in caught.value.diagnostics] == ["K115"]
     assert "is not known" in str(caught.value)
 
@@ -190,13 +189,13 @@ def test_a_measurement_needs_no_position_where_a_table_tells_the_ways() -> None:
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
     domain = dataclasses.replace(BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table})
     problem = inspection(domain, [f"travel({a}, {b}, 3)" for a in PLACES for b in PLACES if a != b])
-    assert partition(problem).groups == {"us_probe": NAMES}
+    assert partition_by_tool(problem).groups == {"us_probe": NAMES}
 
 
 def test_positions_of_the_cell_and_of_facts_are_seen_from_one_frame() -> None:
     """m1 comes from a fact in the frame of the part, m2 from the cell: their distance is that of the drawing."""
     problem = inspection(BULKHEAD, ["position(m1, -300000, -750000, 0)"])
-    tours = tour_problem(with_places(problem), partition(with_places(problem)))
+    tours = tour_problem(with_places(problem), partition_by_tool(with_places(problem)))
     assert int(tours.travel[0, 1]) == 300_000
 
 

@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 from cellwright.engine.kernels.cancellation import never
-from cellwright.engine.pipelines.units import Crew, Kind, Ledger, Unit, carried_out, crew_of
-from cellwright.engine.pipelines.units.content import content, require_same
-from cellwright.engine.pipelines.units.work import one
-from cellwright.kb.cycles import SELDOM, seldom_searched
+from cellwright.engine.pipelines.jobs import ResultLedger, WorkCrew, WorkKind, WorkUnit, carried_out, crew_of
+from cellwright.engine.pipelines.jobs.input_digests import content_digest, require_same
+from cellwright.engine.pipelines.jobs.work_units import carry_out_unit
+from cellwright.kb.cycles import COLLECTION_THRESHOLD, seldom_searched
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.store.units import UnitStore
+from cellwright.kb.store.unit_ledger import UnitStore
 
 Job = tuple[str, str]  # what to do, and the folder where it is written down that it was done
 
@@ -52,16 +52,16 @@ def read(content: Mapping[str, Any]) -> str:
     return str(content["said"])
 
 
-def kind(store: Path | None = None) -> Kind[Job, str]:
-    return Kind("test", work, lost, Ledger(str(store), finished, written, read) if store else None)
+def kind(store: Path | None = None) -> WorkKind[Job, str]:
+    return WorkKind("test", work, lost, ResultLedger(str(store), finished, written, read) if store else None)
 
 
-def units(folder: Path, *names: str, key: str = "k") -> list[Unit[Job]]:
+def units(folder: Path, *names: str, key: str = "k") -> list[WorkUnit[Job]]:
     (folder / "marks").mkdir(exist_ok=True)
-    return [Unit(name, key, (name, str(folder / "marks"))) for name in names]
+    return [WorkUnit(name, key, (name, str(folder / "marks"))) for name in names]
 
 
-def results(made: Kind[Job, str], asked: list[Unit[Job]], crew: Crew) -> dict[str, str]:
+def results(made: WorkKind[Job, str], asked: list[WorkUnit[Job]], crew: WorkCrew) -> dict[str, str]:
     return {unit.name: said for unit, said in carried_out(made, asked, crew, never)}
 
 
@@ -71,8 +71,8 @@ def marks(folder: Path, name: str) -> int:
 
 def test_what_the_ledger_holds_is_not_done_again_and_is_forgotten_at_the_end(tmp_path: Path) -> None:
     store, asked = tmp_path / "s.db", units(tmp_path, "a", "b")
-    assert one(kind(store), asked[0], never) == "done a"
-    assert one(kind(store), asked[0], never) == "done a"
+    assert carry_out_unit(kind(store), asked[0], never) == "done a"
+    assert carry_out_unit(kind(store), asked[0], never) == "done a"
     assert results(kind(store), asked, crew_of(1)) == {"a": "done a", "b": "done b"}
     assert (marks(tmp_path, "a"), marks(tmp_path, "b")) == (1, 1)
     with UnitStore(str(store), "test") as ledger:
@@ -83,8 +83,8 @@ def test_what_the_ledger_holds_is_not_done_again_and_is_forgotten_at_the_end(tmp
 
 def test_what_depends_on_other_input_is_done_again(tmp_path: Path) -> None:
     store = tmp_path / "s.db"
-    one(kind(store), units(tmp_path, "a")[0], never)
-    one(kind(store), units(tmp_path, "a", key="other")[0], never)
+    carry_out_unit(kind(store), units(tmp_path, "a")[0], never)
+    carry_out_unit(kind(store), units(tmp_path, "a", key="other")[0], never)
     assert marks(tmp_path, "a") == 2
 
 
@@ -131,12 +131,12 @@ def test_a_digest_tells_of_the_problem_its_cell_and_what_is_asked(tmp_path: Path
     domain, problem = tmp_path / "domain.yaml", tmp_path / "problems" / "one.yaml"
     domain.write_text("domain: mine\n", "utf-8")
     problem.write_text("problem: one\ndomain: mine\n", "utf-8")
-    first = content(problem)
-    assert content(problem) == first != content(problem, 1)
+    first = content_digest(problem)
+    assert content_digest(problem) == first != content_digest(problem, 1)
     (tmp_path / "problems" / "two.yaml").write_text("problem: two\ndomain: mine\n", "utf-8")
-    assert content(problem) == first
+    assert content_digest(problem) == first
     (tmp_path / "cell.yaml").write_text("cell: {}\n", "utf-8")
-    assert content(problem) != first
+    assert content_digest(problem) != first
     with pytest.raises(InvalidInput, match="other files"):
         require_same(problem, first)
 
@@ -162,14 +162,14 @@ def test_an_address_without_a_cluster_is_told_at_once(address: str, said: str) -
 
 def test_what_listens_without_being_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-    monkeypatch.setattr("cellwright.engine.pipelines.units.cluster.ANSWERED_S", 0.2)
+    monkeypatch.setattr("cellwright.engine.pipelines.jobs.dask_cluster.ANSWERED_S", 0.2)
     deaf = socket.create_server(("127.0.0.1", 0))
     with deaf, pytest.raises(InvalidInput, match="no scheduler of Dask"):
         crew_of(0, f"127.0.0.1:{deaf.getsockname()[1]}")
 
 
 def test_a_missing_extra_is_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.units.cluster.find_spec", lambda _: None)
+    monkeypatch.setattr("cellwright.engine.pipelines.jobs.dask_cluster.find_spec", lambda _: None)
     with pytest.raises(InvalidInput, match=r"cellwright\[cluster\]"):
         crew_of(1, "127.0.0.1:1")
 
@@ -179,9 +179,12 @@ def tell_threshold(_job: Job, _interrupted: Any) -> str:
 
 
 def test_processes_look_for_cycles_as_rarely_as_the_command_does(tmp_path: Path) -> None:
-    telling = Kind("test", tell_threshold, lost)
+    telling = WorkKind("test", tell_threshold, lost)
     asked = units(tmp_path, "a", "b")
-    assert results(telling, asked, crew_of(2)) == {"a": f"{SELDOM} True", "b": f"{SELDOM} True"}
+    assert results(telling, asked, crew_of(2)) == {
+        "a": f"{COLLECTION_THRESHOLD} True",
+        "b": f"{COLLECTION_THRESHOLD} True",
+    }
 
 
 def test_inside_another_program_cycles_are_sought_rarely_for_a_while() -> None:
@@ -189,7 +192,7 @@ def test_inside_another_program_cycles_are_sought_rarely_for_a_while() -> None:
     try:
         gc.set_threshold(700, 10, 10)
         with seldom_searched():
-            assert gc.get_threshold()[0] == SELDOM
+            assert gc.get_threshold()[0] == COLLECTION_THRESHOLD
         assert gc.get_threshold() == (700, 10, 10)
     finally:
         gc.set_threshold(*before)

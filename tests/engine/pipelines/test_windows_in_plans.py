@@ -10,23 +10,28 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cellwright.engine.formats.report.planned import Made, document
-from cellwright.engine.formats.report.planned import text as shown
-from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer, plan_answer_content
+from cellwright.engine.formats.report.plans.plan_answer import plan_answer_text as shown
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.model.tour import Tour, TourProblem, Visit, violations
-from cellwright.engine.pipelines.inspection.demands import as_facts, of_options
-from cellwright.engine.pipelines.objective import Order, Run, fastest, plan
-from cellwright.engine.pipelines.plan_files import unmet
-from cellwright.engine.pipelines.simulator.injections import Injection
-from cellwright.engine.pipelines.timetable import timetable
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.sequencing import sequence
-from cellwright.engine.stages.sequencing.windows import clash
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.model.tour_problem import Tour, TourProblem, Visit, tour_violations
+from cellwright.engine.pipelines.inspection.tour_demands import as_facts, of_options
+from cellwright.engine.pipelines.planning.plan_files import unmet_times
+from cellwright.engine.pipelines.planning.plan_objective import (
+    Run,
+    SequenceChoice,
+    plan_fastest,
+    plan_for_objective,
+)
+from cellwright.engine.pipelines.planning.timetable import make_timetable
+from cellwright.engine.pipelines.simulators.simulator_settings import Injection
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.sequencing import sequence_tour
+from cellwright.engine.stages.sequencing.tour_solver import clashing_windows
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.plan import Claims
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Claims
+from cellwright.kb.model.planning_problem import Problem
 from tests.engine.pipelines.execution.cells import executed
 from tests.engine.pipelines.test_sequenced_parts import inspection, text
 
@@ -53,16 +58,16 @@ def outside(found: Mapping[str, int], windows: Windows) -> set[str]:
 
 def said(problem: Problem, run: Run) -> str:
     console = Console(width=600, record=True, file=StringIO())
-    console.print(shown(Made(run, problem), False, False))
+    console.print(shown(PlanAnswer(run, problem), False, False))
     return console.export_text()
 
 
 def test_an_arm_that_comes_too_early_waits(tmp_path: Path) -> None:
     windows = {"m2": (200, 300), "m4": (500, 600)}
     problem = inspection(tmp_path, text(5, more=facts(windows)))
-    run = plan(problem)
+    run = plan_for_objective(problem)
     assert not outside(begins(run), windows)
-    assert "missed_windows" not in document(Made(run, problem), False)
+    assert "missed_windows" not in plan_answer_content(PlanAnswer(run, problem), False)
     assert "Outside" not in said(problem, run)
 
 
@@ -74,24 +79,24 @@ def test_windows_that_some_plan_meets_are_met(tmp_path: Path, seed: int) -> None
     chance.shuffle(names)
     order = "\n".join(f"  - before({one}, {other})" for one, other in pairwise(names))
     asked = inspection(tmp_path, text(7, seed, more=order))
-    found = begins(plan(asked))
+    found = begins(plan_for_objective(asked))
     begin = min(found.values())
     windows = {
         name: (max(0, found[name] - begin - chance.randrange(10)), found[name] - begin + chance.randrange(10))
         for name in chance.sample(names, 4)
     }
     problem = inspection(tmp_path, text(7, seed, more=facts(windows)))
-    run = plan(problem)
+    run = plan_for_objective(problem)
     assert not outside(begins(run), windows), said(problem, run)
 
 
 def test_windows_that_cannot_be_met_are_told_with_the_reason(tmp_path: Path) -> None:
     windows = {"m1": (0, 0), "m2": (0, 0)}
     problem = inspection(tmp_path, text(4, more=facts(windows)))
-    run = plan(problem)
+    run = plan_for_objective(problem)
     missed = outside(begins(run), windows)
     assert missed
-    assert set(document(Made(run, problem), False)["missed_windows"]) == missed
+    assert set(plan_answer_content(PlanAnswer(run, problem), False)["missed_windows"]) == missed
     assert "m1 and m2 cannot both begin in their windows" in said(problem, run)
     assert "Outside their windows" in said(problem, run)
 
@@ -99,9 +104,9 @@ def test_windows_that_cannot_be_met_are_told_with_the_reason(tmp_path: Path) -> 
 def test_a_schedule_keeps_windows(tmp_path: Path) -> None:
     windows = {"m1": (150, 400), "m3": (0, 300)}
     problem = inspection(tmp_path, text(5, more=facts(windows)))
-    run = plan(problem)
+    run = plan_for_objective(problem)
     assert isinstance(run.outcome, Found)
-    for made in (timetable(problem, run.outcome.plan), fastest(problem, Limits())):
+    for made in (make_timetable(problem, run.outcome.plan), plan_fastest(problem, SearchLimits())):
         assert isinstance(made, Timetable)
         own = Run(Found(made.plan), made)
         assert not outside(begins(own), windows)
@@ -123,26 +128,26 @@ def test_a_run_begins_no_measurement_before_its_window(tmp_path: Path) -> None:
 
 def test_the_checker_of_plan_files_tells_windows_that_claimed_starts_miss(tmp_path: Path) -> None:
     problem = inspection(tmp_path, text(3, more=facts({"m2": (200, 300)})))
-    run = plan(problem)
+    run = plan_for_objective(problem)
     assert isinstance(run.outcome, Found)
-    assert unmet(problem, run.outcome.plan, Claims(dict(run.starts or {}))).missed == {}
-    assert set(unmet(problem, run.outcome.plan).missed) == {"m2"}
+    assert unmet_times(problem, run.outcome.plan, Claims(dict(run.starts or {}))).missed == {}
+    assert set(unmet_times(problem, run.outcome.plan).missed) == {"m2"}
 
 
 def test_an_order_that_a_plan_breaks_is_told_with_its_pair(tmp_path: Path) -> None:
-    found = begins(plan(inspection(tmp_path, text(4))))
+    found = begins(plan_for_objective(inspection(tmp_path, text(4))))
     first, *_, last = sorted(found, key=lambda name: found[name])
     asked = inspection(tmp_path, text(4, more=f"  - before({last}, {first})"))
-    kept, free = plan(asked), plan(asked, order=Order.FREE)
+    kept, free = plan_for_objective(asked), plan_for_objective(asked, order=SequenceChoice.FREE)
     assert begins(kept)[last] < begins(kept)[first]
     for run in (kept, free):
         own = begins(run)
         broken = [] if own[last] < own[first] else [[last, first]]
-        assert document(Made(run, asked), False).get("broken_orders", []) == broken
+        assert plan_answer_content(PlanAnswer(run, asked), False).get("broken_orders", []) == broken
     against = inspection(tmp_path, text(4))
-    told = plan(against)
+    told = plan_for_objective(against)
     assert isinstance(told.outcome, Found)
-    turned = unmet(asked, told.outcome.plan, Claims(dict(told.starts or {}))).turned
+    turned = unmet_times(asked, told.outcome.plan, Claims(dict(told.starts or {}))).turned
     assert turned == ((last, first),)
 
 
@@ -152,7 +157,7 @@ def test_options_ask_what_facts_ask(tmp_path: Path) -> None:
     asked = as_facts(plain, of_options(["m2=200..300, m4=500..600"], ["m1=4"], ["m5,m1"]))
     wanted = text(5, more=facts(windows) + "\n  - lasts(m1, 4)\n  - before(m5, m1)")
     assert {*asked.statics} == {*inspection(tmp_path, wanted).statics}
-    own = begins(plan(asked))
+    own = begins(plan_for_objective(asked))
     assert not outside(own, windows)
     assert own["m5"] < own["m1"]
 
@@ -186,12 +191,12 @@ def test_two_visits_that_clash_are_in_no_tour(seed: int) -> None:
         for k, first in enumerate(starts)
     )
     problem = TourProblem("small", visits, ways, closed=False)
-    possible = any(not violations(problem, order) for order in permutations(range(n)))
-    assert not (possible and clash(problem))
-    assert isinstance(sequence(problem), Tour) == possible
+    possible = any(not tour_violations(problem, order) for order in permutations(range(n)))
+    assert not (possible and clashing_windows(problem))
+    assert isinstance(sequence_tour(problem), Tour) == possible
 
 
-def _sent(records: list[Record]) -> dict[str, list[int]]:
+def _sent(records: list[JournalRecord]) -> dict[str, list[int]]:
     """When the commands for measurements were sent, in seconds of the run's clock."""
     found: dict[str, list[int]] = {}
     for each in records:
@@ -219,7 +224,7 @@ def test_a_recovery_keeps_the_windows_of_the_tour_that_is_under_way(
 
 
 def test_a_recovery_tells_the_windows_that_it_cannot_keep(tmp_path: Path) -> None:
-    found = begins(plan(inspection(tmp_path, text(5, kinds="thickness"))))
+    found = begins(plan_for_objective(inspection(tmp_path, text(5, kinds="thickness"))))
     begin, last = min(found.values()), max(found, key=lambda name: found[name])
     inspection(tmp_path, text(5, more=facts({last: (0, found[last] - begin)}), kinds="thickness"))
     _, records, _ = executed(str(tmp_path / "points.yaml"), [Injection("us_measure", "missing_couplant", 2)])

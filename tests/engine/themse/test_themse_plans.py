@@ -7,15 +7,15 @@ import pytest
 from themse_cell import Cell
 
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
-from cellwright.engine.stages.validation import validate
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.asp import ground_term
-from cellwright.kb.asp.vocabulary import VIOLATED
-from cellwright.kb.commands import understand
+from cellwright.kb.asp.static_program import VIOLATED
+from cellwright.kb.commands import understand_command
 from cellwright.kb.loader import load_domain, load_problem
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
 SENTENCE = (
@@ -28,11 +28,11 @@ SOLVABLE = ["one", "two", "four", "sentence", "in_furnace", "lid_on_stand", "fur
 
 
 def commanded(sentence: str) -> Problem:
-    return understand(load_domain("themse"), sentence)
+    return understand_command(load_domain("themse"), sentence)
 
 
 def planned(problem: Problem) -> Plan:
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     return outcome.plan
 
@@ -51,7 +51,7 @@ def home(probe: str) -> str:
 def test_the_sentence_heats_cools_and_stores(said: str, probes: list[str]) -> None:
     problem = commanded(SENTENCE.format(said))
     plan = planned(problem)
-    assert validate(problem, plan) == []
+    assert validate_plan(problem, plan) == []
     cell = Cell().execute(plan)
     assert cell.history == dict.fromkeys(probes, PROCESSED)
     assert all(cell.where[probe] == home(probe) for probe in cell.where if probe != "lid")
@@ -110,7 +110,7 @@ def test_no_door_lid_or_drawer_step_can_be_left_out(name: str) -> None:
     doors = [step for step in plan.steps if works_a_door(step)]
     assert doors
     for step in doors:
-        codes = {found.code for found in validate(problem, without(plan, step))}
+        codes = {found.code for found in validate_plan(problem, without(plan, step))}
         assert codes & {"K501", "K502", "K506"}, f"{step.operator} is not needed"
 
 
@@ -138,19 +138,19 @@ def test_a_furnace_of_two_heats_both_at_once() -> None:
 
 def test_a_freezer_of_two_makes_the_unsolvable_problem_solvable() -> None:
     problem = load_problem("themse/unsolvable")
-    assert isinstance(planning.plan(problem), Infeasible)
+    assert isinstance(checked_plan.plan_problem(problem), Infeasible)
     larger = dataclasses.replace(problem, statics=(fact("capacity(freezer, 2)"),))
     assert planned(larger).steps
 
 
 def test_a_smaller_drawer_has_fewer_slots() -> None:
-    problem = understand(with_statics("capacity(drawer, 3)"), "put probe 1 into depot 4")
-    assert isinstance(planning.plan(problem), Infeasible)
+    problem = understand_command(with_statics("capacity(drawer, 3)"), "put probe 1 into depot 4")
+    assert isinstance(checked_plan.plan_problem(problem), Infeasible)
 
 
 def test_again_means_the_own_depot() -> None:
     swapped = with_statics("own_depot(probe_1, slot(drawer, 2))", "own_depot(probe_2, slot(drawer, 1))")
-    plan = planned(understand(swapped, "heat probe 1 for 5 min and store it in the drawer again"))
+    plan = planned(understand_command(swapped, "heat probe 1 for 5 min and store it in the drawer again"))
     assert str(plan.steps[-1].operator) == "put(probe_1, slot(drawer, 2))"
 
 

@@ -5,13 +5,13 @@ import dataclasses
 import pytest
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.stages.validation.changes import State
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.engine.stages.validation.step_changes import State
 from cellwright.kb.loader import load_domain, load_problem, with_goals
 from cellwright.kb.model.conditions import And, Literal
-from cellwright.kb.model.domain import Operator
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import Operator
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
 READINGS = {
@@ -22,7 +22,7 @@ READINGS = {
 
 
 def states(problem: Problem) -> list[tuple[Semantics, State]]:
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     semantics = Semantics(problem)
     state = semantics.initial()
@@ -59,7 +59,9 @@ def test_a_sensor_shows_only_what_it_can_tell_apart() -> None:
 
 @pytest.mark.parametrize("reading", ["grip_width, on_probe", "grip_width, on_lid", "slippage, still"])
 def test_a_goal_may_ask_for_a_reading(reading: str) -> None:
-    assert isinstance(planning.plan(with_goals(load_domain("themse"), f"shows({reading})")), Found)
+    assert isinstance(
+        checked_plan.plan_problem(with_goals(load_domain("themse"), f"shows({reading})")), Found
+    )
 
 
 def test_an_operator_may_depend_on_a_reading() -> None:
@@ -67,7 +69,7 @@ def test_an_operator_may_depend_on_a_reading() -> None:
     problem = load_problem("themse/one")
     operators = tuple(map(careful, problem.domain.operators))
     domain = dataclasses.replace(problem.domain, operators=operators)
-    assert isinstance(planning.plan(dataclasses.replace(problem, domain=domain)), Found)
+    assert isinstance(checked_plan.plan_problem(dataclasses.replace(problem, domain=domain)), Found)
 
 
 def careful(operator: Operator) -> Operator:

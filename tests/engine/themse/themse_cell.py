@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
-from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.plan_model import Plan
 
 
 class Unsafe(AssertionError):

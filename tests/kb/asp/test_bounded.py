@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cellwright.kb import stopping
-from cellwright.kb.asp import AspError, Grounder, bounded
-from cellwright.kb.asp.statics import static_suspects
+from cellwright.kb.asp import AspError, Grounder, bounded_grounding
+from cellwright.kb.asp.static_facts import static_suspects
 from cellwright.kb.loader import load_problem
 
 MUCH = "q(0). q(X+1) :- q(X), X < 500000."  # what is left behind goes on to its end
@@ -18,7 +18,7 @@ MUCH = "q(0). q(X+1) :- q(X), X < 500000."  # what is left behind goes on to its
 def _left_to_itself() -> object:
     """What a test leaves behind ends before the next one."""
     yield
-    while bounded.is_left_behind():
+    while bounded_grounding.is_left_behind():
         time.sleep(0.05)
 
 
@@ -26,8 +26,8 @@ def _left_to_itself() -> object:
 def test_a_grounding_is_given_up_at_its_limit(
     limit: str, value: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bounded, limit, value)
-    with pytest.raises(bounded.TooLarge):
+    monkeypatch.setattr(bounded_grounding, limit, value)
+    with pytest.raises(bounded_grounding.GroundingTooLarge):
         Grounder().ground(MUCH)
 
 
@@ -38,9 +38,9 @@ def test_a_grounding_stops_when_it_is_asked_to() -> None:
         asked.append(time.monotonic())
         return len(asked) > 2
 
-    with stopping.asking(soon), pytest.raises(stopping.Stopped):
+    with stopping.asking_to_stop(soon), pytest.raises(stopping.StoppedByCaller):
         Grounder().ground(MUCH)
-    assert not stopping.wanted()
+    assert not stopping.is_stop_wanted()
 
 
 def test_errors_and_answers_come_through() -> None:

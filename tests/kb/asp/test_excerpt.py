@@ -6,14 +6,14 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from cellwright.kb.asp.excerpt import excerpt
-from cellwright.kb.asp.statements import ParsedStatement, statements
-from cellwright.kb.asp.statics import evaluated
+from cellwright.kb.asp.excerpt import excerpt_problem
+from cellwright.kb.asp.statements import ParsedStatement, read_statements
+from cellwright.kb.asp.static_facts import evaluate_statics
 from cellwright.kb.diagnostics import Source
 from cellwright.kb.model.conditions import Comparison, Literal, Parameter
-from cellwright.kb.model.domain import Default, Domain, Effect, Kind, Operator, Predicate, Type
-from cellwright.kb.model.likeness import names
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import Default, Domain, Effect, Kind, Operator, Predicate, Type
+from cellwright.kb.model.object_likeness import constant_names
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number, Variable
 
 X, Y = Variable("X"), Variable("Y")
@@ -45,7 +45,7 @@ RULES = (
 def domain(rules: list[str], body: tuple[Literal | Comparison, ...]) -> Domain:
     predicates = {name: Predicate(name, types, Kind.STATIC) for name, types in STATICS.items()}
     predicates["done"] = Predicate("done", ("point",), Kind.FLUENT)
-    parsed = statements("\n".join(rules), lambda _line, _column: Source("rules.lp"))
+    parsed = read_statements("\n".join(rules), lambda _line, _column: Source("rules.lp"))
     go = Operator(
         "go",
         (Parameter(X, "point"), Parameter(Y, "point")),
@@ -99,14 +99,14 @@ def about(problem: Problem, kept: set[str]) -> set[str]:
     asked = {
         part.atom.name for each in problem.domain.operators for part in each.body if isinstance(part, Literal)
     }
-    found = (each for each in evaluated(problem).everything() if each.name in asked)
-    return {str(each) for each in found if kept.issuperset(names(each))}
+    found = (each for each in evaluate_statics(problem).everything() if each.name in asked)
+    return {str(each) for each in found if kept.issuperset(constant_names(each))}
 
 
 @settings(deadline=None)
 @given(problems())
 def test_an_excerpt_says_of_its_objects_what_the_whole_says(problem: Problem) -> None:
-    few = excerpt(problem)
+    few = excerpt_problem(problem)
     event(f"left out: {len(few.objects) < len(problem.objects)}")
     assert about(few, set(few.objects)) == about(problem, set(few.objects))
 
@@ -121,10 +121,10 @@ def test_of_many_alike_few_stay_and_those_that_are_named() -> None:
         (),
         Literal(atom("done", "p200")),
     )
-    few = excerpt(problem, {"p100"})
+    few = excerpt_problem(problem, {"p100"})
     assert {"p7", "p100", "p200"} <= set(few.objects)
     assert len(few.objects) < 20
-    assert len(excerpt(replace(problem, objects={**problem.objects, "q": "point"})).objects) < 20
+    assert len(excerpt_problem(replace(problem, objects={**problem.objects, "q": "point"})).objects) < 20
 
 
 COUNTING = "many :- 7 <= #count { X : wide(X) }."
@@ -138,7 +138,7 @@ def test_a_problem_whose_rules_can_tell_objects_apart_stays_whole(rule: str) -> 
     problem = Problem(
         "many", domain([rule], ()), dict.fromkeys(points, "point"), facts, (), Literal(atom("done", "p2"))
     )
-    assert excerpt(problem) is problem
+    assert excerpt_problem(problem) is problem
 
 
 def test_objects_that_operators_order_stay() -> None:
@@ -151,7 +151,7 @@ def test_objects_that_operators_order_stay() -> None:
         (),
         Literal(atom("done", "p2")),
     )
-    assert excerpt(problem) is problem
+    assert excerpt_problem(problem) is problem
 
 
 def test_objects_over_which_defaults_range_stay() -> None:
@@ -159,5 +159,8 @@ def test_objects_over_which_defaults_range_stay() -> None:
     given = domain([], ())
     default = Default(Function("done", (X,)), (Parameter(X, "point"),))
     problem = Problem("many", given, dict.fromkeys(points, "point"), (), (), Literal(atom("done", "p2")))
-    assert excerpt(problem) is not problem
-    assert excerpt(replace(problem, domain=replace(given, defaults=(default,)))).objects == problem.objects
+    assert excerpt_problem(problem) is not problem
+    assert (
+        excerpt_problem(replace(problem, domain=replace(given, defaults=(default,)))).objects
+        == problem.objects
+    )

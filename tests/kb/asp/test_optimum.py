@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.kb.asp import AspError
-from cellwright.kb.asp.optimum import best_models
+from cellwright.kb.asp.model_search import best_models
 
 NAMES = "abcde"
 

@@ -8,26 +8,32 @@ from clingo import ast
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cellwright.kb.asp.compiled import NotCompilable, compiled
-from cellwright.kb.asp.statements import ParsedStatement, RefusedStatement, plain_fact, rule, statements
-from cellwright.kb.asp.tree import Reading
+from cellwright.kb.asp.rule_compiler import NotCompilable, compile_rule
+from cellwright.kb.asp.statements import (
+    ParsedStatement,
+    RefusedStatement,
+    RuleReading,
+    plain_fact,
+    read_rule,
+    read_statements,
+)
 from cellwright.kb.diagnostics import NOWHERE
 from cellwright.kb.files import File
-from cellwright.kb.model.statement import Constant, PredicateUse, Sign, Statement, derivation
-from cellwright.kb.syntax import parse
+from cellwright.kb.model.statement import Constant, PredicateUse, Sign, Statement, derivation_statement
+from cellwright.kb.syntax import parse_expression
 from cellwright.kb.terms import Function, Variable
 
 laws = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
 def read(text: str) -> list[Statement]:
-    found = list(statements(text, File.of("rules.lp", text).line))
+    found = list(read_statements(text, File.of("rules.lp", text).line))
     assert all(isinstance(each, ParsedStatement) for each in found), found
     return [each.statement for each in found if isinstance(each, ParsedStatement)]
 
 
 def refused(text: str) -> RefusedStatement:
-    (found,) = statements(text, File.of("rules.lp", text).line)
+    (found,) = read_statements(text, File.of("rules.lp", text).line)
     assert isinstance(found, RefusedStatement)
     return found
 
@@ -117,7 +123,9 @@ def test_a_statement_is_equal_by_its_text_and_can_be_pickled() -> None:
 
 def test_a_derivation_is_what_its_text_reads_as() -> None:
     value = (Variable("X"),)
-    made = derivation(Function("either", value), [Function("left", value), Function("right", value)])
+    made = derivation_statement(
+        Function("either", value), [Function("left", value), Function("right", value)]
+    )
     (found,) = read(made.text)
     assert all(getattr(made, name) == getattr(found, name) for name in Statement.__slots__ if name != "where")
 
@@ -204,7 +212,7 @@ def test_facts_of_a_predicate_that_a_rule_does_not_use_change_nothing(
                  names, st.lists(st.sampled_from(["a", "b1", "0", "42"]), max_size=3)))  # fmt: skip
 def test_the_short_way_reads_a_fact_as_its_tree_does(text: str) -> None:
     (node,) = nodes(f"{text}.")
-    short, long = plain_fact(str(node), NOWHERE), rule(node, NOWHERE, Reading())
+    short, long = plain_fact(str(node), NOWHERE), read_rule(node, NOWHERE, RuleReading())
     assert short is not None
     assert isinstance(long, ParsedStatement)
     assert all(getattr(short, name) == getattr(long.statement, name) for name in Statement.__slots__)
@@ -218,7 +226,10 @@ plain_part = st.one_of(atom, atom.map("not {}".format), st.builds("{} != {}".for
 @given(atom, st.lists(plain_part, min_size=1, max_size=3))
 def test_a_rule_is_compiled_to_what_the_grammar_of_expressions_reads(head: str, parts: list[str]) -> None:
     (node,) = nodes(f"{head} :- {'; '.join(parts)}.")
-    assert compiled(node) == (parse("atom", head).value, parse("body", ", ".join(parts)).value)
+    assert compile_rule(node) == (
+        parse_expression("atom", head).value,
+        parse_expression("body", ", ".join(parts)).value,
+    )
 
 
 @pytest.mark.parametrize(
@@ -229,4 +240,4 @@ def test_a_rule_is_compiled_to_what_the_grammar_of_expressions_reads(head: str, 
 def test_a_rule_that_the_model_cannot_hold_is_not_compiled(part: str) -> None:
     (node,) = nodes(f"p :- {part}.")
     with pytest.raises(NotCompilable):
-        compiled(node)
+        compile_rule(node)

@@ -7,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.kb.asp import Grounder
-from cellwright.kb.asp.statements import ParsedStatement, statements
-from cellwright.kb.asp.statics import evaluate, evaluated, only_given, static_suspects
-from cellwright.kb.asp.vocabulary import VIOLATED, static_program
+from cellwright.kb.asp.statements import ParsedStatement, read_statements
+from cellwright.kb.asp.static_facts import evaluate_statics, ground_statics, only_given, static_suspects
+from cellwright.kb.asp.static_program import VIOLATED, static_program
 from cellwright.kb.diagnostics import Source
-from cellwright.kb.loader import find, load
-from cellwright.kb.model.domain import Domain, Kind, Predicate, Type
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.loader import find_target, load
+from cellwright.kb.model.domain_model import Domain, Kind, Predicate, Type
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number
 
 TARGETS = ("bulkhead/twelve_points", "themse/one", "bulkhead/both_tools")
@@ -35,7 +35,7 @@ odd(I) :- item(I), not heavy(I).
 
 
 def problem_of(target: str) -> Problem:
-    problem = load(find(target)).problem
+    problem = load(find_target(target)).problem
     assert problem is not None
     return problem
 
@@ -62,7 +62,7 @@ def plainly(problem: Problem) -> Grounder:
 @pytest.mark.parametrize("target", TARGETS)
 def test_what_is_read_past_clingo_is_what_clingo_says(target: str) -> None:
     problem = problem_of(target)
-    plain, quick = plainly(problem), evaluated(problem)
+    plain, quick = plainly(problem), evaluate_statics(problem)
     assert only_given(problem)
     for name, arity in only_given(problem):
         assert quick.atoms(name, arity) == plain.atoms(name, arity), name
@@ -97,15 +97,18 @@ def test_a_program_about_some_predicates_says_of_them_what_the_whole_one_says(da
 
 def test_problems_with_the_same_facts_share_what_was_evaluated(tmp_path: Path) -> None:
     one = shelf(tmp_path, '"weight(bolt, 5)"')
-    assert evaluated(one) is evaluated(one.replace(()))
-    assert evaluated(one) is not evaluated(one, ["_far(X) :- weight(X, 9)."])
+    assert evaluate_statics(one) is evaluate_statics(one.replace(()))
+    assert evaluate_statics(one) is not evaluate_statics(one, ["_far(X) :- weight(X, 9)."])
     other = shelf(tmp_path, '"weight(bolt, 2)"')
-    assert {str(each) for each in facts(evaluated(other)) if each.name == "odd"} == {"odd(bolt)", "odd(nut)"}
+    assert {str(each) for each in facts(evaluate_statics(other)) if each.name == "odd"} == {
+        "odd(bolt)",
+        "odd(nut)",
+    }
 
 
 def test_a_grounder_that_knows_some_facts_goes_on_from_all(tmp_path: Path) -> None:
     grounder = Grounder()
-    evaluate(grounder, shelf(tmp_path, '"weight(bolt, 5)"'))
+    ground_statics(grounder, shelf(tmp_path, '"weight(bolt, 5)"'))
     grounder.ground("_twice(I, 2*W) :- weight(I, W).")
     assert [[str(each) for each in row] for row in grounder.atoms("_twice", 2)] == [["bolt", "10"]]
 
@@ -122,7 +125,7 @@ def test_the_bound_on_a_rule_counts_what_its_variables_can_be() -> None:
     """Two tools and a thousand points: only a rule over pairs of points may have a million instances."""
     types = {"tool": ("tool",), "point": ("point",), "fits": ("tool", "point"), "rank": ("tool", "int")}
     types |= {"place": ("point", "int", "int"), "at": ("point", "int"), "better": ("tool", "point")}
-    parsed = statements(CHAINED, lambda line, _column: Source("rules.lp", line))
+    parsed = read_statements(CHAINED, lambda line, _column: Source("rules.lp", line))
     domain = Domain(
         "shop",
         {"tool": Type("tool"), "point": Type("point")},

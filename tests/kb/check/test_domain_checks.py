@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.check import check_domain, unreachable
+from cellwright.kb.check import check_domain, unreachable_operators
 from cellwright.kb.diagnostics import Diagnostic
 from cellwright.kb.loader import load
-from cellwright.kb.model.domain import Domain
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import Domain
+from cellwright.kb.model.planning_problem import Problem
 
 FLUENT = """domain: cell
 include: [rules.lp]
@@ -174,9 +174,9 @@ def test_a_derived_predicate_is_used_by_its_rule(cell: Cell) -> None:
 
 def test_an_operator_that_nothing_reaches_is_pointed_at_unless_it_waits_for_a_stage(cell: Cell) -> None:
     domain, _ = cell.read(FLUENT)
-    assert unreachable(domain, ["turn", "note", "keep"]) == []
-    assert unreachable(domain, ["turn", "keep"]) == []  # `note` tells of an event
-    (found,) = unreachable(domain, ["keep"])
+    assert unreachable_operators(domain, ["turn", "note", "keep"]) == []
+    assert unreachable_operators(domain, ["turn", "keep"]) == []  # `note` tells of an event
+    (found,) = unreachable_operators(domain, ["keep"])
     assert (found.code, found.message, found.warning) == ("K304", "no problem can ever apply turn(I)", True)
     assert found.hint
     assert found.where == domain.operators[0].where

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.check.faults import check_faults
+from cellwright.kb.check.fault_base_check import check_faults
 from cellwright.kb.diagnostics import Source
 from cellwright.kb.loader import load
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.fault_model import Cause, FaultModel, FaultTest, Interruption, Repair
 
 HERE = Source("faults.yaml", 1)
 

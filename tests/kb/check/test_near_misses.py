@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.check.conventions import near_misses
+from cellwright.kb.check.near_misses import near_misses
 from cellwright.kb.loader import load_domain
-from cellwright.kb.model.conventions import CONVENTIONS, Conventions, Sort
+from cellwright.kb.model.name_conventions import CONVENTION_BY_NAME, Conventions, Sort
 from tests.places import BUNDLED, TOP
 
 SECTIONS = {Sort.STATIC: "statics", Sort.FLUENT: "fluents"}
-NAMES = [role for role, each in CONVENTIONS.items() if each.sort is not Sort.CONSTANT]
-PREDICATES = [role for role in NAMES if CONVENTIONS[role].sort in SECTIONS]
+NAMES = [role for role, each in CONVENTION_BY_NAME.items() if each.sort is not Sort.CONSTANT]
+PREDICATES = [role for role in NAMES if CONVENTION_BY_NAME[role].sort in SECTIONS]
 OTHERS = [
     *sorted((TOP / "tests" / "domains").glob("*/domain.yaml")),
     *sorted((TOP / "tests" / "engine").rglob("domain.yaml")),
@@ -25,7 +25,7 @@ def declared(folder: Path, names: dict[str, str] | None = None, more: dict[str, 
     names, more = names or {}, more or {}
     lines = {Sort.STATIC: ["statics:"], Sort.FLUENT: ["fluents:"]}
     for role in PREDICATES:
-        each = CONVENTIONS[role]
+        each = CONVENTION_BY_NAME[role]
         arguments = ", ".join([*each.arguments, *([more[role]] if role in more else [])])
         lines[each.sort].append(f"  {names.get(role, role)}({arguments}): {{}}")
     type_, function = names.get("measurement", "measurement"), names.get("meas", "meas")
@@ -38,7 +38,7 @@ def declared(folder: Path, names: dict[str, str] | None = None, more: dict[str, 
 
 
 def test_fields_are_called_as_their_roles_and_named_so_at_first() -> None:
-    assert all(role == each.role == getattr(Conventions(), role) for role, each in CONVENTIONS.items())
+    assert all(role == each.role == getattr(Conventions(), role) for role, each in CONVENTION_BY_NAME.items())
 
 
 def test_conventions_are_no_near_misses_of_each_other(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_a_name_that_the_domain_says_is_meant_is_none(tmp_path: Path, role: str)
 def test_an_argument_too_many_is_noticed(tmp_path: Path, role: str) -> None:
     (found,) = near_misses(load_domain(str(declared(tmp_path, more={role: "int"}))))
     assert f"the engine does not read this '{role}'" in found.message
-    assert CONVENTIONS[role].written() in found.hint
+    assert CONVENTION_BY_NAME[role].written() in found.hint
 
 
 @pytest.mark.parametrize("file", OTHERS, ids=lambda file: f"{file.parent.parent.name}/{file.parent.name}")

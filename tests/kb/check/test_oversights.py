@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.pipelines.checking import check
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, in_order
+from cellwright.engine.authoring.domain_check import check_domain_files
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, order_diagnostics
 from cellwright.kb.loader import load
 
 CELL = Path(__file__).parents[2] / "data" / "K314_crowded"
@@ -32,7 +32,7 @@ def told(
     (folder / "rules.lp").write_text(rules, "utf-8")
     goals = problem or "goals:\n  - at(bolt, shelf)\n"
     (folder / "problems" / "p.yaml").write_text(f"problem: p\ndomain: workshop\n{goals}", "utf-8")
-    return check(str(folder)).diagnostics
+    return check_domain_files(str(folder)).diagnostics
 
 
 def test_the_sound_cell_is_sound(tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_a_name_that_is_unknown_in_many_lines_is_told_once() -> None:
         Diagnostic(Source("f", line), "K101", "unknown predicate 'att'", "did you mean 'at'?")
         for line in range(9, 3, -1)
     ]
-    (told,) = in_order(found)
+    (told,) = order_diagnostics(found)
     assert told.where.line == 4
     assert told.hint == "did you mean 'at'?; the same in lines 5, 6, 7 and 2 more"
 
@@ -160,7 +160,14 @@ def test_causes_come_before_what_follows_and_errors_before_warnings() -> None:
     found = [
         Diagnostic(Source("f", line), code, "", "", code in warnings) for line, code in enumerate(said, 1)
     ]
-    assert [each.code for each in in_order(found)] == ["K002", "K104", "K101", "K103", "K313", "K304"]
+    assert [each.code for each in order_diagnostics(found)] == [
+        "K002",
+        "K104",
+        "K101",
+        "K103",
+        "K313",
+        "K304",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -175,7 +182,7 @@ def test_the_domain_beside_a_problem_is_what_it_may_mean(tmp_path: Path, name: s
     (tmp_path / "problems" / "p.yaml").write_text(
         f"problem: p\ndomain: {name}\ngoals:\n  - free(bin)\n", "utf-8"
     )
-    (found,) = check(str(tmp_path / "problems" / "p.yaml")).diagnostics
+    (found,) = check_domain_files(str(tmp_path / "problems" / "p.yaml")).diagnostics
     assert found.hint.startswith(hint)
 
 

@@ -2,14 +2,15 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.authoring.starter import create
-from cellwright.engine.pipelines import checking, planning
+from cellwright.engine.authoring import domain_check
+from cellwright.engine.authoring.starter import create_domain
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.diagnostics import InvalidInput
 
 
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
-    create(tmp_path / "cell")
+    create_domain(tmp_path / "cell")
     return tmp_path / "cell"
 
 
@@ -20,7 +21,7 @@ def edit(file: Path, old: str, new: str) -> None:
 
 
 def codes(target: Path) -> list[str]:
-    return [found.code for found in checking.check(str(target)).diagnostics]
+    return [found.code for found in domain_check.check_domain_files(str(target)).diagnostics]
 
 
 def test_a_clean_domain_has_no_findings(cell: Path) -> None:
@@ -29,7 +30,7 @@ def test_a_clean_domain_has_no_findings(cell: Path) -> None:
 
 @pytest.mark.parametrize("name", ["bulkhead", pytest.param("themse", marks=pytest.mark.slow)])
 def test_the_bundled_domains_have_no_findings(name: str) -> None:
-    assert checking.check(name).diagnostics == ()
+    assert domain_check.check_domain_files(name).diagnostics == ()
 
 
 def test_a_predicate_that_nothing_uses_is_pointed_at(cell: Path) -> None:
@@ -50,7 +51,7 @@ def ruled(cell: Path, *rules: str) -> None:
 
 def unused(cell: Path) -> list[str]:
     """The predicates that nothing uses, as `check` says."""
-    found = checking.check(str(cell)).diagnostics
+    found = domain_check.check_domain_files(str(cell)).diagnostics
     assert {each.code for each in found} <= {"K309"}
     return [each.message.removeprefix("nothing uses ").strip("'") for each in found]
 
@@ -142,7 +143,7 @@ def test_an_operator_that_reads_what_all_its_kin_hold_is_pointed_at(cell: Path) 
     )
     edit(cell / "domain.yaml", "  bin: [left, right]", "  bin: [left, right]\n  item: [bolt]")
     edit(cell / "problems" / "two_items.yaml", "[bolt, plate]", "[plate]")
-    found = [each for each in checking.check(str(cell)).diagnostics if each.code == "K305"]
+    found = [each for each in domain_check.check_domain_files(str(cell)).diagnostics if each.code == "K305"]
     assert ["forget reads at(bolt, gripper)" in each.message for each in found] == [True]
 
 
@@ -150,10 +151,12 @@ def test_a_violated_constraint_is_reported_at_its_place(cell: Path) -> None:
     with (cell / "rules.lp").open("a") as rules:
         rules.write(":- small(I), small(J), I != J.\n")
     edit(cell / "problems" / "two_items.yaml", "  - small(bolt)", "  - small(bolt)\n  - small(plate)")
-    (found,) = [each for each in checking.check(str(cell)).diagnostics if each.code == "K204"]
+    (found,) = [
+        each for each in domain_check.check_domain_files(str(cell)).diagnostics if each.code == "K204"
+    ]
     assert (Path(found.where.path).name, found.where.line) == ("rules.lp", 4)
     with pytest.raises(InvalidInput, match="K204"):
-        planning.plan(planning.problem_of(str(cell / "problems" / "two_items.yaml")))
+        checked_plan.plan_problem(checked_plan.problem_of(str(cell / "problems" / "two_items.yaml")))
 
 
 def test_a_predicate_may_be_true_in_very_many_ways(cell: Path) -> None:

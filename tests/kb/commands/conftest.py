@@ -3,7 +3,7 @@
 import pytest
 
 from cellwright.kb.loader import load_domain
-from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.domain_model import Domain
 
 
 @pytest.fixture(scope="session")

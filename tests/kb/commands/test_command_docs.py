@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from test_command_sentences import printed
 
-from cellwright.kb.commands import check_phrases, understand
+from cellwright.kb.commands import check_phrases, understand_command
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_domain
-from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.domain_model import Domain
 
 PAGE = (Path(__file__).parents[3] / "docs" / "commands.md").read_text("utf-8")
 BLOCKS = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
@@ -26,7 +26,7 @@ def test_an_example_of_an_order(block: str, themse: Domain) -> None:
 @pytest.mark.parametrize("block", ERRORS)
 def test_an_example_of_an_error(block: str, themse: Domain) -> None:
     with pytest.raises(InvalidInput) as raised:
-        understand(themse, block.splitlines()[1].strip())
+        understand_command(themse, block.splitlines()[1].strip())
     assert str(raised.value).startswith(block.rstrip())
 
 
@@ -36,9 +36,9 @@ def test_there_are_examples() -> None:
 
 
 def test_the_page_names_every_code_of_commands() -> None:
-    from cellwright.kb.diagnostics import CODES
+    from cellwright.kb.diagnostics import DIAGNOSTIC_CODES
 
-    assert {code for code in CODES if code.startswith("K6")} == set(
+    assert {code for code in DIAGNOSTIC_CODES if code.startswith("K6")} == set(
         re.findall(r"^\| (K6\d\d) ", PAGE, re.MULTILINE)
     )
 
@@ -46,7 +46,7 @@ def test_the_page_names_every_code_of_commands() -> None:
 @pytest.mark.parametrize("said", re.findall(r"^\| (\d.*?an hour) \|", PAGE, re.MULTILINE))
 def test_the_times_of_the_page_are_understood(said: str, themse: Domain) -> None:
     for time in said.split(", "):
-        assert understand(themse, f"heat probe 1 for {time}").chains
+        assert understand_command(themse, f"heat probe 1 for {time}").chains
 
 
 @pytest.mark.parametrize("name", ["themse", "bulkhead"])

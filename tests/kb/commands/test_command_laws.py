@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.kb.commands import understand
-from cellwright.kb.commands.patterns import Word, expansions
-from cellwright.kb.commands.phrases import meanings
+from cellwright.kb.commands import understand_command
+from cellwright.kb.commands.domain_nouns import NounVocabulary
+from cellwright.kb.commands.phrase_meanings import read_meanings
+from cellwright.kb.commands.phrase_patterns import PatternWord, expand_pattern
 from cellwright.kb.commands.sentence import book_of
-from cellwright.kb.commands.vocabulary import Vocabulary
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_domain
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Number
 
 unhurried = settings(deadline=None, max_examples=25)
@@ -24,7 +24,7 @@ LISTS = st.lists(NUMBERS, min_size=1, max_size=4, unique=True)
 
 
 def meaning(sentence: str) -> Problem:
-    return understand(THEMSE, sentence)
+    return understand_command(THEMSE, sentence)
 
 
 def listed(numbers: list[int], last: str = " and ") -> str:
@@ -156,8 +156,8 @@ def _minutes(term: object) -> int:
 def test_every_phrase_of_the_bundled_cells_can_begin_a_sentence() -> None:
     for name in ("themse", "bulkhead"):
         domain = load_domain(name)
-        known = meanings(domain)
-        book = book_of(known, Vocabulary(domain, domain.objects))
+        known = read_meanings(domain)
+        book = book_of(known, NounVocabulary(domain, domain.objects))
         assert len(known) == len(domain.phrases)
         assert book.natural.words
 
@@ -165,10 +165,10 @@ def test_every_phrase_of_the_bundled_cells_can_begin_a_sentence() -> None:
 WORDS = sorted(
     {
         part.text
-        for m in meanings(THEMSE)
-        for each in expansions(m.pattern)
+        for m in read_meanings(THEMSE)
+        for each in expand_pattern(m.pattern)
         for part in each
-        if isinstance(part, Word)
+        if isinstance(part, PatternWord)
     }
 )
 WORDS += [

@@ -4,8 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.commands.ambiguity import unclear_words
-from cellwright.kb.commands.patterns import PatternError, Slot, Word, expansions, read_pattern, readable
+from cellwright.kb.commands.ambiguous_phrases import unclear_words
+from cellwright.kb.commands.phrase_patterns import (
+    PatternError,
+    PatternSlot,
+    PatternWord,
+    expand_pattern,
+    read_pattern,
+    readable_pattern,
+)
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load, load_problem
 
@@ -48,8 +55,8 @@ def load_with(folder: Path, phrase: str) -> list[str]:
 
 
 def spelled(say: str) -> list[str]:
-    parts = expansions(read_pattern(say))
-    return [" ".join(p.text if isinstance(p, Word) else f"<{p.type}>" for p in each) for each in parts]
+    parts = expand_pattern(read_pattern(say))
+    return [" ".join(p.text if isinstance(p, PatternWord) else f"<{p.type}>" for p in each) for each in parts]
 
 
 def test_a_pattern_is_the_sequences_that_it_allows() -> None:
@@ -70,8 +77,8 @@ def test_a_pattern_is_the_sequences_that_it_allows() -> None:
 
 
 def test_slots_know_their_place() -> None:
-    ((_, slot),) = expansions(read_pattern("put {B:box}"))
-    assert slot == Slot("B", "box", 4)
+    ((_, slot),) = expand_pattern(read_pattern("put {B:box}"))
+    assert slot == PatternSlot("B", "box", 4)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +103,7 @@ def test_a_pattern_with_too_many_readings_is_refused() -> None:
 
 
 def test_people_are_shown_types_for_slots() -> None:
-    assert readable("put {B:box} in depot {N:int}") == "put <box> in depot <number>"
+    assert readable_pattern("put {B:box} in depot {N:int}") == "put <box> in depot <number>"
 
 
 @pytest.mark.parametrize(

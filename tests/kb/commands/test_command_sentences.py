@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.commands import understand
+from cellwright.kb.commands import understand_command
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_domain, load_problem
-from cellwright.kb.model.domain import Domain
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import Domain
+from cellwright.kb.model.planning_problem import Problem
 
 GOOD = {
     "the_sentence_of_themse": "process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for "
@@ -204,7 +204,7 @@ WORKSHOP = {
 
 def printed(target: Problem | Domain, sentence: str) -> str:
     try:
-        problem = understand(target, sentence)
+        problem = understand_command(target, sentence)
     except InvalidInput as error:
         return f"{error}\n"
     lines = [f"say: {sentence}", f"goal: {problem.goal}".rstrip()]
@@ -216,7 +216,7 @@ def printed(target: Problem | Domain, sentence: str) -> str:
 
 @pytest.mark.parametrize("name", GOOD)
 def test_what_is_understood(name: str, themse: Domain, golden: Callable[[str, str], None]) -> None:
-    understand(themse, GOOD[name])
+    understand_command(themse, GOOD[name])
     golden(f"{name}.txt", printed(themse, GOOD[name]))
 
 
@@ -225,7 +225,7 @@ def test_what_is_said_about_a_wrong_command(
     name: str, themse: Domain, golden: Callable[[str, str], None]
 ) -> None:
     with pytest.raises(InvalidInput):
-        understand(themse, BAD[name])
+        understand_command(themse, BAD[name])
     golden(f"{name}.txt", printed(themse, BAD[name]))
 
 
@@ -249,7 +249,7 @@ def test_there_are_sixty_good_and_forty_bad_sentences() -> None:
 
 def test_a_domain_without_such_objects_points_to_its_problems() -> None:
     with pytest.raises(InvalidInput, match="there is no tube 4") as refused:
-        understand(load_domain("centrifuge"), "cap tube 4")
+        understand_command(load_domain("centrifuge"), "cap tube 4")
     assert "give the command to a problem that has a tube" in refused.value.diagnostics[0].hint
 
 
@@ -265,7 +265,7 @@ def test_what_leans_on_something_unclear_is_not_told_as_well(
     said: str, codes: list[str], themse: Domain
 ) -> None:
     with pytest.raises(InvalidInput) as refused:
-        understand(themse, said)
+        understand_command(themse, said)
     assert [each.code for each in refused.value.diagnostics] == codes
 
 
@@ -276,5 +276,5 @@ def test_a_misspelt_word_is_said_to_be_one_of_the_domain(tmp_path: Path) -> None
         "utf-8",
     )
     with pytest.raises(InvalidInput) as refused:
-        understand(load_domain(str(tmp_path)), "seel plate 1")
+        understand_command(load_domain(str(tmp_path)), "seel plate 1")
     assert "did you mean 'seal'?" in refused.value.diagnostics[0].hint

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.commands import understand
-from cellwright.kb.commands.spelling import parts
+from cellwright.kb.commands import understand_command
+from cellwright.kb.commands.phrase_patterns import split_word
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_domain
-from cellwright.kb.model.domain import Domain
+from cellwright.kb.model.domain_model import Domain
 
 DOMAIN = """domain: wells
 types: {probe: object, machine: object}
@@ -37,12 +37,12 @@ def domain(folder: Path, written: str = "heater shaker") -> Domain:
 
 
 def goal(found: Domain, sentence: str) -> str:
-    return str(understand(found, sentence).goal)
+    return str(understand_command(found, sentence).goal)
 
 
 def refusal(found: Domain, sentence: str) -> str:
     with pytest.raises(InvalidInput) as raised:
-        understand(found, sentence)
+        understand_command(found, sentence)
     return f"{raised.value.diagnostics[0].code} {raised.value.diagnostics[0].message}"
 
 
@@ -71,7 +71,7 @@ def test_what_is_not_understood_is_told_behind_a_joined_word(tmp_path: Path) -> 
 
 
 def test_numbers_and_names_with_numbers_stay_whole() -> None:
-    assert [parts(each) for each in ("twenty-one", "m_12", "t3_746")] == [
+    assert [split_word(each) for each in ("twenty-one", "m_12", "t3_746")] == [
         ("twenty-one",),
         ("m_12",),
         ("t3_746",),

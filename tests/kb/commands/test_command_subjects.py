@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.commands import understand
+from cellwright.kb.commands import understand_command
 from cellwright.kb.loader import load_domain
-from cellwright.kb.model.domain import Domain
-from cellwright.kb.model.problem import Chain
+from cellwright.kb.model.domain_model import Domain
+from cellwright.kb.model.planning_problem import Chain
 
 DOMAIN = """domain: cell
 types: {part: object, box: object, setting: object}
@@ -44,7 +44,7 @@ def domain(folder: Path, subject: str = "subject: P") -> Domain:
 
 
 def chains(found: Domain, sentence: str) -> dict[str, str]:
-    return {chain.name: _shown(chain) for chain in understand(found, sentence).chains}
+    return {chain.name: _shown(chain) for chain in understand_command(found, sentence).chains}
 
 
 def _shown(chain: Chain) -> str:

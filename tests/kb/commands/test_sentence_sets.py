@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.commands import understand
+from cellwright.kb.commands import understand_command
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader import bundled, load_domain, load_problem
-from cellwright.kb.model.domain import Domain
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.loader import bundled_domains, load_domain, load_problem
+from cellwright.kb.model.domain_model import Domain
+from cellwright.kb.model.planning_problem import Problem
 
 SETS = Path(__file__).parent / "golden" / "sets"
 CAPPING = Path(__file__).parents[2] / "domains" / "capping" / "problems" / "three.yaml"
@@ -38,7 +38,7 @@ def sentences(cell: str, kind: str) -> list[str]:
 
 def understood(target: Problem | Domain, sentence: str) -> str:
     """A sentence with its goals and chains."""
-    problem = understand(target, sentence)
+    problem = understand_command(target, sentence)
     lines = [f"  goal: {problem.goal}"] if not problem.chains else []
     for chain in problem.chains:
         after = f" after {', '.join(chain.after)}" if chain.after else ""
@@ -49,7 +49,7 @@ def understood(target: Problem | Domain, sentence: str) -> str:
 def refused(target: Problem | Domain, sentence: str) -> str:
     """A sentence with what is said about it, and under which character."""
     with pytest.raises(InvalidInput) as error:
-        understand(target, sentence)
+        understand_command(target, sentence)
     lines = (
         f"  {e.where.column}: {e.code} {e.message}; {e.hint}".rstrip("; ") for e in error.value.diagnostics
     )
@@ -75,4 +75,4 @@ def test_it_is_said_in_every_cell(cell: str) -> None:
 
 
 def test_every_bundled_cell_has_its_sentences() -> None:
-    assert set(bundled()) <= set(CELLS)
+    assert set(bundled_domains()) <= set(CELLS)

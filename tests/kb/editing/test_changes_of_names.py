@@ -10,11 +10,10 @@ from test_names_in_files import LABORATORY, index_of
 
 from cellwright.kb.check import check_domain
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
-from cellwright.kb.editing.changing import NotRenamed, renamed
-from cellwright.kb.editing.fixes import fixes
-from cellwright.kb.editing.index import FileIndex, Index
+from cellwright.kb.editing.name_index import FileIndex, NameIndex
+from cellwright.kb.editing.text_changes import NotRenamed, fixes_of, rename_occurrences
 from cellwright.kb.loader import load, problem_files
-from cellwright.kb.loader.faults import load_faults
+from cellwright.kb.loader.fault_base import load_faults
 
 RENAMED = [
     ("accessible(place)", "reachable", "predicate"),
@@ -26,7 +25,7 @@ RENAMED = [
 ]
 
 
-def apply(index: Index, changes: list[tuple[str, int, int, str]]) -> None:
+def apply(index: NameIndex, changes: list[tuple[str, int, int, str]]) -> None:
     """Write changes into the files."""
     by_file = defaultdict(list)
     for path, start, end, text in changes:
@@ -61,14 +60,14 @@ def test_a_renamed_domain_loads_and_names_nothing_by_its_old_name(
     assert symbol is not None
     assert symbol[0].space == space
     old = symbol[0].name
-    apply(index, list(renamed(index, file, offset, name)))
+    apply(index, list(rename_occurrences(index, file, offset, name)))
     after = everything(cell)
     assert after != before
     again = index_of(cell)
     assert not list(again.uses(symbol[0])) or space == "variable"
     back = again.files[file.path]
     place = next(each.start for _, each in back.named(name))
-    apply(again, list(renamed(again, back, place, old)))
+    apply(again, list(rename_occurrences(again, back, place, old)))
     assert {path.name: path.read_text() for path in cell.rglob("*.yaml")} == {
         path.name: path.read_text() for path in LABORATORY.rglob("*.yaml")
     }
@@ -93,7 +92,7 @@ def test_what_cannot_be_renamed_is_refused(where: str, name: str, why: str) -> N
     index = index_of(LABORATORY)
     file = next(file for path, file in index.files.items() if path.endswith("domain.yaml"))
     with pytest.raises(NotRenamed, match=why):
-        list(renamed(index, file, file.text.index(where), name))
+        list(rename_occurrences(index, file, file.text.index(where), name))
 
 
 def findings(domain: Path) -> list[Diagnostic]:
@@ -122,7 +121,7 @@ def test_a_fix_takes_its_finding_away(cell: Path, right: str, wrong: str, title:
     domain.write_text(domain.read_text().replace(right, wrong, 1))
     before, index = findings(domain), index_of(cell)
     file = index.files[str(domain)]
-    offered = {fix.title: fix for each in before for fix in fixes(index, file, each)}
+    offered = {fix.title: fix for each in before for fix in fixes_of(index, file, each)}
     apply(index, list(offered[title].changes))
     assert [each for each in findings(domain) if not each.warning] == []
 
@@ -132,7 +131,7 @@ def test_an_unknown_predicate_is_declared_as_it_is_used(cell: Path) -> None:
     domain.write_text(domain.read_text().replace("accessible(Place)", "polished(rim, Place)", 1))
     (finding,) = [each for each in findings(domain) if "polished" in each.message]
     index = index_of(cell)
-    offered = list(fixes(index, index.files[str(domain)], finding))
+    offered = list(fixes_of(index, index.files[str(domain)], finding))
     fluent = next(fix for fix in offered if "fluents" in fix.title)
     assert fluent.title == "declare polished(rest, object) under `fluents:`"
     apply(index, list(fluent.changes))
@@ -144,14 +143,14 @@ def test_a_finding_beyond_the_text_has_no_fix() -> None:
 
     file = FileIndex.of("domain.yaml", "domain: d\n")
     finding = Diagnostic(Source("domain.yaml", 90, 3), "K101", "unknown type 'x'", "did you mean 'y'?")
-    assert list(fixes(Index({"domain.yaml": file}), file, finding)) == []
+    assert list(fixes_of(NameIndex({"domain.yaml": file}), file, finding)) == []
 
 
 def fixed(domain: Path, code: str) -> str:
     """The text of a domain after the first fix of the first finding with a code."""
     finding = next(each for each in findings(domain) if each.code == code)
     index = index_of(domain.parent)
-    fix = next(fixes(index, index.files[str(domain)], finding))
+    fix = next(fixes_of(index, index.files[str(domain)], finding))
     apply(index, list(fix.changes))
     return domain.read_text()
 
@@ -173,7 +172,7 @@ def test_what_nothing_uses_is_removed(cell: Path) -> None:
     found = [each for each in check_domain(load(domain).domain) if "polished" in each.message]
     assert [each.code for each in found] == ["K309"]
     index = index_of(cell)
-    (fix,) = [each for each in fixes(index, index.files[str(domain)], found[0]) if "remove" in each.title]
+    (fix,) = [each for each in fixes_of(index, index.files[str(domain)], found[0]) if "remove" in each.title]
     assert fix.title == "remove 'polished'"
     apply(index, list(fix.changes))
     assert domain.read_text() == text

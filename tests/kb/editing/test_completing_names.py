@@ -5,24 +5,27 @@ from pathlib import Path
 import pytest
 from test_names_in_files import LABORATORY, index_of
 
-from cellwright.kb.editing.completing import completions
-from cellwright.kb.editing.context import context
-from cellwright.kb.editing.describing import Known, description
-from cellwright.kb.editing.index import FileIndex, Index
+from cellwright.kb.editing.completions import list_completions
+from cellwright.kb.editing.name_descriptions import DomainKnowledge, describe_name
+from cellwright.kb.editing.name_index import FileIndex, NameIndex
+from cellwright.kb.editing.yaml_context import context_at
 
 
 @pytest.fixture(scope="module")
-def themse() -> Index:
+def themse() -> NameIndex:
     return index_of(LABORATORY)
 
 
-def offered(index: Index, name: str, old: str, new: str) -> set[str]:
+def offered(index: NameIndex, name: str, old: str, new: str) -> set[str]:
     """What is offered behind `new`, which stands in place of `old` in a file."""
     path = next(path for path in index.files if path.endswith(name))
     text = index.files[path].text
     place = text.index(old)
     file = FileIndex.of(path, text[:place] + new + text[place + len(old) :])
-    return {each.label for each in completions(Index({**index.files, path: file}), file, place + len(new))}
+    return {
+        each.label
+        for each in list_completions(NameIndex({**index.files, path: file}), file, place + len(new))
+    }
 
 
 @pytest.mark.parametrize(
@@ -43,7 +46,7 @@ def offered(index: Index, name: str, old: str, new: str) -> set[str]:
     ],
 )  # fmt: skip
 def test_what_fits_is_offered_and_nothing_else(
-    themse: Index, old: str, new: str, with_: set[str], without: set[str]
+    themse: NameIndex, old: str, new: str, with_: set[str], without: set[str]
 ) -> None:
     found = offered(themse, "domain.yaml", old, new)
     assert with_ <= found
@@ -60,14 +63,14 @@ def test_what_fits_is_offered_and_nothing_else(
     ],
 )
 def test_problems_are_completed(
-    themse: Index, old: str, new: str, with_: set[str], without: set[str]
+    themse: NameIndex, old: str, new: str, with_: set[str], without: set[str]
 ) -> None:
     found = offered(themse, "problems/two.yaml", old, new)
     assert with_ <= found
     assert not without & found
 
 
-def test_rules_and_faults_are_completed(themse: Index) -> None:
+def test_rules_and_faults_are_completed(themse: NameIndex) -> None:
     assert {"part_of", "numbered", "depot"} <= offered(
         themse, "rules.lp", "home(P, D) :- own", "home(P, D) :- "
     )
@@ -78,19 +81,19 @@ def test_rules_and_faults_are_completed(themse: Index) -> None:
     assert {"pick", "heat"} <= offered(themse, "faults.yaml", "of: pick(Item, Place)", "of: ")
 
 
-def test_sentences_of_the_domain_are_offered_for_a_command(themse: Index) -> None:
+def test_sentences_of_the_domain_are_offered_for_a_command(themse: NameIndex) -> None:
     found = offered(themse, "problems/sentence.yaml", "process probes 1", "op")
     assert {"open the drawer", "process <probe> for <time>"} <= found
 
 
-def test_nothing_is_offered_in_a_comment_or_a_text(themse: Index) -> None:
+def test_nothing_is_offered_in_a_comment_or_a_text(themse: NameIndex) -> None:
     assert not offered(themse, "domain.yaml", "# what the gripper can hold", "# wh")
     assert not offered(themse, "rules.lp", "% The cell", "% Th")
 
 
 def test_a_place_is_known_from_the_lines_above_it() -> None:
     text = "problem: p\ndomain: d\nworkflow:\n- for: {P: [a]}\n  stages: heated(P,\n    15 min), sto"
-    found = context(text, len(text))
+    found = context_at(text, len(text))
     assert (found.path, found.written, found.key) == (("workflow", 0, "stages"), "15 min), sto", False)
 
 
@@ -112,19 +115,19 @@ def test_a_place_is_known_from_the_lines_above_it() -> None:
         ("problems/two.yaml", "workflow:", ["stages that must be reached in order"]),
     ],
 )
-def test_a_name_is_described(themse: Index, name: str, where: str, said: list[str]) -> None:
+def test_a_name_is_described(themse: NameIndex, name: str, where: str, said: list[str]) -> None:
     file = next(file for path, file in themse.files.items() if path.endswith(name))
-    known = Known({"pick": "pick(lid, rim)"}, {"pick": {"Item": "item", "Place": "place"}})
-    found = description(themse, file, file.text.index(where), known)
+    known = DomainKnowledge({"pick": "pick(lid, rim)"}, {"pick": {"Item": "item", "Place": "place"}})
+    found = describe_name(themse, file, file.text.index(where), known)
     assert found is not None
     for each in said:
         assert each in found[0]
 
 
-def test_every_place_of_every_file_is_answered(themse: Index) -> None:
+def test_every_place_of_every_file_is_answered(themse: NameIndex) -> None:
     """No place makes an answer fail; each tenth is tried."""
     for path, file in themse.files.items():
         if Path(path).suffix in (".yaml", ".lp"):
             for offset in range(0, len(file.text), 97):
-                completions(themse, file, offset)
-                description(themse, file, offset, Known())
+                list_completions(themse, file, offset)
+                describe_name(themse, file, offset, DomainKnowledge())

@@ -4,13 +4,19 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.kb.editing.changing import NotRenamed, renamed
-from cellwright.kb.editing.completing import completions
-from cellwright.kb.editing.describing import Known, description
-from cellwright.kb.editing.devices import DeviceIndex, devices_in_use, section_of_uses
-from cellwright.kb.editing.index import FileIndex, Index, Symbol
+from cellwright.kb.editing.completions import list_completions
+from cellwright.kb.editing.name_descriptions import DomainKnowledge, describe_name
+from cellwright.kb.editing.name_index import (
+    DeviceIndex,
+    FileIndex,
+    NameIndex,
+    Symbol,
+    devices_in_use,
+    section_of_uses,
+)
+from cellwright.kb.editing.text_changes import NotRenamed, rename_occurrences
 from cellwright.kb.loader import load
-from cellwright.kb.targets import BUNDLED
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
 DOMAIN = """domain: cell
 use:
@@ -26,11 +32,11 @@ statics:
 """
 
 
-def index_of(folder: Path, text: str = DOMAIN) -> tuple[Index, FileIndex]:
+def index_of(folder: Path, text: str = DOMAIN) -> tuple[NameIndex, FileIndex]:
     path = folder / "domain.yaml"
     file = FileIndex.of(str(path), text)
     used = devices_in_use(section_of_uses(text), path)
-    return Index({str(path): file, **{f"{each.path}#{each.use}": each for each in used}}), file
+    return NameIndex({str(path): file, **{f"{each.path}#{each.use}": each for each in used}}), file
 
 
 def test_the_section_of_uses_ends_where_the_next_one_begins() -> None:
@@ -52,7 +58,7 @@ def test_a_name_of_a_device_stands_where_its_parameter_is_written(tmp_path: Path
     for use, name in (("furnace", "heat"), ("oven", "oven_heat")):
         ((file, place),) = index.definitions(Symbol("operator", name))
         assert isinstance(file, DeviceIndex)
-        assert (file.path, file.use) == (str(BUNDLED / "devices" / "furnace" / "device.yaml"), use)
+        assert (file.path, file.use) == (str(BUNDLED_DOMAINS / "devices" / "furnace" / "device.yaml"), use)
         assert file.text[place.start : place.end] == "$heat"
     for file in index.files.values():
         for _, each in file.occurrences():
@@ -81,17 +87,17 @@ def test_what_is_wrong_with_one_use_hides_no_other(
 
 def test_a_device_is_described_and_its_names_are_offered(tmp_path: Path) -> None:
     index, file = index_of(tmp_path)
-    said = description(index, file, DOMAIN.index("furnace"), Known())
+    said = describe_name(index, file, DOMAIN.index("furnace"), DomainKnowledge())
     assert said is not None
     assert "a furnace that heats the probes in it" in said[0]
     text = DOMAIN + "operators:\n  look(Probe):\n    preconditions: pos\n"
     index, file = index_of(tmp_path, text)
-    assert "position" in {each.label for each in completions(index, file, len(text) - 1)}
+    assert "position" in {each.label for each in list_completions(index, file, len(text) - 1)}
 
 
 def test_a_name_of_a_device_is_not_renamed(tmp_path: Path) -> None:
     text = DOMAIN + "operators:\n  look(Probe):\n    preconditions: free(gripper)\n"
     index, file = index_of(tmp_path, text)
     with pytest.raises(NotRenamed, match=r"a name in the device '\w+'.*cellwright devices show"):
-        list(renamed(index, file, text.index("free(gripper)"), "idle"))
-    assert list(renamed(index, file, text.index("clean(probe)"), "washed"))
+        list(rename_occurrences(index, file, text.index("free(gripper)"), "idle"))
+    assert list(rename_occurrences(index, file, text.index("clean(probe)"), "washed"))

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from cellwright.kb.editing.shapes import KINDS, Shape
+from cellwright.kb.editing.scalar_roles import SHAPE_OF_KIND, ScalarShape
 from cellwright.kb.schema import keys_at
 
 Path = tuple[str | int, ...]
@@ -23,7 +23,7 @@ UNNAMED = {
 """Keys whose values name nothing that a domain declares, or name it in a form of their own."""
 
 
-def mappings(kind: str, shape: Shape, path: Path = ()) -> Iterator[tuple[Path, Shape]]:
+def mappings(kind: str, shape: ScalarShape, path: Path = ()) -> Iterator[tuple[Path, ScalarShape]]:
     """Every place of a kind of file at which the index knows keys."""
     if shape.keys:
         yield path, shape
@@ -35,14 +35,14 @@ def mappings(kind: str, shape: Shape, path: Path = ()) -> Iterator[tuple[Path, S
         yield from mappings(kind, shape.items, (*path, 0))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SHAPE_OF_KIND)
 def test_every_key_that_the_index_knows_is_in_the_schema(kind: str) -> None:
-    for path, shape in mappings(kind, KINDS[kind]):
+    for path, shape in mappings(kind, SHAPE_OF_KIND[kind]):
         assert set(shape.keys) <= set(keys_at(kind, path)), path
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SHAPE_OF_KIND)
 def test_every_key_of_the_schema_is_known_to_the_index_or_names_nothing(kind: str) -> None:
     """A new key in a schema fails here until somebody has said what stands under it."""
-    for path, shape in mappings(kind, KINDS[kind]):
+    for path, shape in mappings(kind, SHAPE_OF_KIND[kind]):
         assert set(keys_at(kind, path)) - set(shape.keys) <= UNNAMED, path

@@ -8,26 +8,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.kb.asp.statements import printed
+from cellwright.kb.asp.statements import statement_texts
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.editing.layout import formatted
-from cellwright.kb.editing.spacing import same_but_for_spaces, spaced, spaced_rules
-from cellwright.kb.editing.tokens import tokens
-from cellwright.kb.files import reading
+from cellwright.kb.editing.expression_tokens import tokens_of
+from cellwright.kb.editing.file_layout import format_file, same_but_for_spaces, space_expression, spaced_rules
+from cellwright.kb.files import read_unsaved
 from cellwright.kb.loader import load, problem_files
-from cellwright.kb.targets import BUNDLED
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
 FILES = [
     path
     for pattern in ("*/*.yaml", "*/*.lp", "*/problems/*.yaml")
-    for path in sorted(BUNDLED.glob(pattern))
+    for path in sorted(BUNDLED_DOMAINS.glob(pattern))
     if path.stat().st_size < 40_000
 ]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: "/".join(path.parts[-2:]))
 def test_the_files_that_we_ship_have_it(path: Path) -> None:
-    assert formatted(str(path), path.read_text()) == path.read_text()
+    assert format_file(str(path), path.read_text()) == path.read_text()
 
 
 def mangled(text: str, chance: random.Random) -> str:
@@ -54,18 +53,18 @@ def mangled(text: str, chance: random.Random) -> str:
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", ["themse", "bulkhead", "centrifuge", "handey"])
 def test_a_domain_in_another_form_means_the_same_and_gets_the_usual_one(name: str, seed: int) -> None:
-    path = BUNDLED / name / "domain.yaml"
+    path = BUNDLED_DOMAINS / name / "domain.yaml"
     text = path.read_text()
     other = mangled(text, random.Random(seed))
-    back = formatted(str(path), other)
+    back = format_file(str(path), other)
     unblanked = [line for line in back.splitlines() if line]
     assert [line.split("#")[0].rstrip() for line in unblanked] == [
         line.split("#")[0].rstrip() for line in text.splitlines() if line
     ]
     before = load(path).domain
-    with reading({str(path): other}):
+    with read_unsaved({str(path): other}):
         assert load(path).domain == before
-    with reading({str(path): back}):
+    with read_unsaved({str(path): back}):
         assert load(path).domain == before
     assert comments(back) == comments(text)
 
@@ -76,9 +75,9 @@ def comments(text: str) -> list[str]:
 
 @pytest.mark.parametrize("name", ["themse", "bulkhead", "centrifuge"])
 def test_a_formatted_domain_is_the_same_model(name: str) -> None:
-    path = BUNDLED / name / "domain.yaml"
-    texts = {str(each): formatted(str(each), each.read_text()) for each in [path, *problem_files(path)]}
-    with reading(texts):
+    path = BUNDLED_DOMAINS / name / "domain.yaml"
+    texts = {str(each): format_file(str(each), each.read_text()) for each in [path, *problem_files(path)]}
+    with read_unsaved(texts):
         again = [load(path).domain, *(load(each).problem for each in problem_files(path))]
     assert again == [load(path).domain, *(load(each).problem for each in problem_files(path))]
 
@@ -129,9 +128,9 @@ operators:
 
 
 def test_an_example() -> None:
-    assert formatted("domain.yaml", EXAMPLE) == USUAL
-    assert formatted("domain.yaml", USUAL) == USUAL
-    assert formatted("domain.yaml", EXAMPLE.replace("\n", "\r\n")) == USUAL
+    assert format_file("domain.yaml", EXAMPLE) == USUAL
+    assert format_file("domain.yaml", USUAL) == USUAL
+    assert format_file("domain.yaml", EXAMPLE.replace("\n", "\r\n")) == USUAL
 
 
 def test_rules_get_their_spaces_and_keep_their_columns() -> None:
@@ -140,19 +139,19 @@ def test_rules_get_their_spaces_and_keep_their_columns() -> None:
     assert made == (
         "p(X, Y) :- q(X), not r(Y).  % why\n\nlong(X)   :- p(X, 1..3), X != 2;  s.\n%* a\n  b *%\nf(a).  f(b).\n"
     )
-    assert printed(made) == printed(text)
+    assert statement_texts(made) == statement_texts(text)
     assert spaced_rules(made) == made
 
 
 @pytest.mark.parametrize("text", ["operators: [", "domain: d\n\tx: y\n", "a: b\na: c\n", "x: &a b\n"])
 def test_a_broken_text_is_refused(text: str) -> None:
     with pytest.raises(InvalidInput):
-        formatted("domain.yaml", text)
+        format_file("domain.yaml", text)
 
 
 def test_broken_rules_are_refused() -> None:
     with pytest.raises(InvalidInput):
-        formatted("rules.lp", "p(X) :- q(X")
+        format_file("rules.lp", "p(X) :- q(X")
 
 
 PARTS = st.sampled_from(
@@ -162,36 +161,36 @@ PARTS = st.sampled_from(
 
 @given(st.lists(PARTS, max_size=25).map("".join))
 def test_spaces_never_change_the_tokens_of_an_expression(text: str) -> None:
-    made = spaced(text)
+    made = space_expression(text)
     assert same_but_for_spaces(text, made)
-    assert spaced(made) == made
+    assert space_expression(made) == made
 
 
 @given(st.text(alphabet="ab(X), .:-%\"{}#'1\n\t;!=", max_size=60))
 def test_spaces_never_change_the_tokens_of_rules(text: str) -> None:
     made = spaced_rules(text)
-    assert [each.text.rstrip() for each in tokens(made, True)] == [
-        each.text.rstrip() for each in tokens(text, True)
+    assert [each.text.rstrip() for each in tokens_of(made, True)] == [
+        each.text.rstrip() for each in tokens_of(text, True)
     ]
     assert spaced_rules(made) == made
 
 
 def test_a_device_may_be_filled_in_inside_brackets_of_yaml() -> None:
     written = "device: x\nobjects: {unit:   ${prefix}arm}\noperators:\n   $go(P):  {adds: 'at(P,${prefix}b)', cost: ${time}}\n"
-    assert formatted("device.yaml", written) == (
+    assert format_file("device.yaml", written) == (
         "device: x\nobjects: {unit:   ${prefix}arm}\noperators:\n  $go(P):  {adds: 'at(P, ${prefix}b)', cost: ${time}}\n"
     )
     with pytest.raises(InvalidInput, match="K002"):
-        formatted("device.yaml", "device: x\nobjects: {unit: ${prefix}arm\n")
+        format_file("device.yaml", "device: x\nobjects: {unit: ${prefix}arm\n")
 
 
 def test_rules_of_a_device_keep_what_is_filled_in() -> None:
     text = (
         "usual_capacity($name,$capacity).\naccessible(D):-part_of(D,${prefix}clamp),D!=$name .  % as it is\n"
     )
-    made = formatted("devices/shaker/rules.lp", text)
+    made = format_file("devices/shaker/rules.lp", text)
     assert made.splitlines() == [
         "usual_capacity($name, $capacity).",
         "accessible(D) :- part_of(D, ${prefix}clamp), D != $name.  % as it is",
     ]
-    assert formatted("devices/shaker/rules.lp", made) == made
+    assert format_file("devices/shaker/rules.lp", made) == made

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File
 from cellwright.kb.loader import load
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.loader.uses import all_devices
-from cellwright.kb.loader.uses.filling import filled
+from cellwright.kb.loader.device_uses import all_devices
+from cellwright.kb.loader.device_uses.device_files import fill_file
+from cellwright.kb.loader.fault_base import load_faults
 
 SHAKER = """\
 device: shaker
@@ -211,7 +211,7 @@ def test_each_place_of_a_filled_text_is_that_of_what_was_written(
     values: dict[str, str], parts: list[tuple[str, str]]
 ) -> None:
     text = "".join(plain + (f"${{{name}}}" if name in values else "-") for plain, name in parts) + "end"
-    file = filled(File.of("f", text), tuple(values.items()), Source("domain.yaml", 1, 1))
+    file = fill_file(File.of("f", text), tuple(values.items()), Source("domain.yaml", 1, 1))
     expected, places, at = "", [], 0
     for plain, name in parts:  # slow and plain: each character with the place that it comes from
         for character in plain:

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.kb.check.faults import check_faults
+from cellwright.kb.check.fault_base_check import check_faults
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader import bundled
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.loader import bundled_domains
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.terms import Function, Variable
 
 DOMAIN = """domain: press
@@ -70,7 +70,7 @@ def test_priors_are_smoothed_counts(tmp_path: Path) -> None:
     assert model.priors("nothing_placed") == pytest.approx({"stuck": 4 / 6, "empty": 2 / 6})
 
 
-THEMSE = load_faults(bundled()["themse"] / "domain.yaml")[0]
+THEMSE = load_faults(bundled_domains()["themse"] / "domain.yaml")[0]
 
 
 @given(st.dictionaries(st.sampled_from([*THEMSE.causes, "other"]), st.integers(0, 1000)))
@@ -110,7 +110,7 @@ def test_a_domain_without_a_fault_base_is_told_so(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("domain", ["bulkhead", "themse"])
 def test_a_bundled_fault_base_is_large_and_sound(domain: str) -> None:
-    model, warnings = load_faults(bundled()[domain] / "domain.yaml")
+    model, warnings = load_faults(bundled_domains()[domain] / "domain.yaml")
     assert not warnings
     assert check_faults(model) == []
     assert len(model.causes) >= 12

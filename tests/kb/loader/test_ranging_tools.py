@@ -7,7 +7,7 @@ import pytest
 
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.model.ranging import Ranging
+from cellwright.kb.model.cell_model import Ranging
 
 SAID = {
     "eye": "laser", "pixels": "[64, 48]", "view": "34 deg", "wavelength": "0.3 m", "noise": "0.05 mm", "at": "0.5 m",

@@ -6,7 +6,7 @@ import pytest
 
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.model.cell import Sight
+from cellwright.kb.model.cell_model import Sight
 
 CELL = """
 cell: lab

@@ -6,7 +6,7 @@ import pytest
 
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.model.cell import Cell
+from cellwright.kb.model.cell_model import Cell
 
 CELL = """
 cell: pair

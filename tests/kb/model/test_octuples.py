@@ -4,12 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.kb.model.octuples import (
+from cellwright.kb.model.contact_model import (
     NotAnOctuple,
     Octuple,
     Quadruple,
-    matches,
-    numbered,
+    match_quadruple,
+    number_objects,
     parse_octuple,
 )
 
@@ -74,12 +74,18 @@ def test_the_order_of_a_contact_class_is_what_it_specifies() -> None:
 
 def test_the_same_variable_is_the_same_object() -> None:
     template = Quadruple("probe", "P", "base", "*")
-    bound = matches(template, Quadruple("probe", "p1", "base", "b"), ["probe"])
+    bound = match_quadruple(template, Quadruple("probe", "p1", "base", "b"), ["probe"])
     assert bound == {"P": "p1"}
-    assert matches(template, Quadruple("probe", "p2", "base", "b"), ["probe"], bound) is None
-    assert matches(template, Quadruple("ni_probe", "p1", "base", "b"), ["ni_probe", "probe"], bound) == bound
+    assert match_quadruple(template, Quadruple("probe", "p2", "base", "b"), ["probe"], bound) is None
+    assert (
+        match_quadruple(template, Quadruple("ni_probe", "p1", "base", "b"), ["ni_probe", "probe"], bound)
+        == bound
+    )
 
 
 def test_objects_are_numbered_as_they_appear() -> None:
     given = [parse_octuple("a:x.k:k - b:y.l:l"), parse_octuple("b:y.m:m - *:void.n:void")]
-    assert [str(each) for each in numbered(given)] == ["a:O1.k:k - b:O2.l:l", "b:O2.m:m - *:void.n:void"]
+    assert [str(each) for each in number_objects(given)] == [
+        "a:O1.k:k - b:O2.l:l",
+        "b:O2.m:m - *:void.n:void",
+    ]

@@ -24,7 +24,7 @@ def postgres() -> Iterator[str]:
 def processes() -> BaseContext:
     """Starts processes that share nothing with this one. What all of them load is loaded once."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["cellwright.kb.store.library", "pytest", "macrops"])
+    context.set_forkserver_preload(["cellwright.kb.store.macrop_library", "pytest", "macrops"])
     return context
 
 

@@ -3,8 +3,7 @@
 from hypothesis import strategies as st
 
 from cellwright.kb.model.conditions import Comparison, Literal, Parameter
-from cellwright.kb.model.macro import MacroChain, Macrop, MacroPart, MacroStep
-from cellwright.kb.model.plan import CausalLink, StepId
+from cellwright.kb.model.plan_model import CausalLink, MacroChain, Macrop, MacroPart, MacroStep, StepId
 from cellwright.kb.terms import Function, Number, Operation, Term, Text, Variable
 
 names = st.sampled_from(["at", "holding", "m1", "free", "x_2", "_where_ab12"])

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from benchmarks.stores_damage import read_everything, spoil
 from cellwright.engine.faces.cli import app
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.store.checking import tables
+from cellwright.kb.store.store_maintenance import store_tables
 
 COMMANDS = [
     ["macros", "list"],
@@ -49,12 +49,12 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _closed(file: Path) -> None:
-    from cellwright.kb.store.cases import Cases, ClosedCase
-    from cellwright.kb.store.engines import connected
+    from cellwright.kb.store.case_store import Cases, ClosedCase
+    from cellwright.kb.store.database import connect_engine
 
     with Cases(str(file)) as cases:
         cases.add([ClosedCase("bulkhead", "lost", ("slipped",), 1.0, (("look", "seen"),))] * 3)
-    engine = connected(str(file))
+    engine = connect_engine(str(file))
     with engine.connect() as connection:
         connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
     engine.dispose()
@@ -103,7 +103,7 @@ def test_a_value_of_another_type_in_any_column_is_read_or_refused(sound: Path, t
     """SQLite keeps any value in any column: what reads a library from Python meets them all, and knows none as a bug."""
     wrong = []
     file = Path(shutil.copy(sound, tmp_path / "library.db"))
-    for table, column in [(each.name, own.name) for each in tables() for own in each.columns]:
+    for table, column in [(each.name, own.name) for each in store_tables() for own in each.columns]:
         for value in (7, 1.5, "x", "[3]", b"\xff"):
             shutil.copy(sound, file)
             with (

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from macrops import macrop, macrops, parts, terms
 
 from cellwright.kb.model.conditions import BodyPart
-from cellwright.kb.model.macro import Macrop
+from cellwright.kb.model.plan_model import Macrop
 from cellwright.kb.store import NotationError, document, dumps, loads
-from cellwright.kb.store.notation import read_part, read_term
+from cellwright.kb.store.term_notation import read_part, read_term
 from cellwright.kb.terms import Term
 
 

@@ -12,14 +12,14 @@ from macrops import macrop
 from sqlalchemy import Connection, Engine, event
 
 from benchmarks.store_content import knowledge
-from cellwright.engine.pipelines.preparation import prepare
-from cellwright.engine.pipelines.units import crew_of
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.pipelines.jobs import crew_of
+from cellwright.engine.pipelines.precompute import prepare_problems
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.store import Library, Record, Use
-from cellwright.kb.store.draft import Draft
-from cellwright.kb.store.engines import transaction
-from cellwright.kb.store.units import UnitStore
-from cellwright.kb.store.utilities import Utility
+from cellwright.kb.store.database import open_transaction
+from cellwright.kb.store.macrop_library import LibraryDraft
+from cellwright.kb.store.unit_ledger import UnitStore
+from cellwright.kb.store.usage_counts import Utility
 
 THEMSE = Path(__file__).parents[3] / "domains" / "themse"
 
@@ -59,7 +59,7 @@ def prepared(paths: list[Path], store: str) -> int:
     """Prepare problems; how many commits there were."""
     count = [0]
     with at_commit(lambda number: count.__setitem__(0, number)):
-        found = prepare(paths, store, Limits(100_000), crew_of(1))
+        found = prepare_problems(paths, store, SearchLimits(100_000), crew_of(1))
     assert all(each.status == "found" for each in found.problems)
     return count[0]
 
@@ -83,14 +83,14 @@ def test_a_crash_at_any_commit_leaves_the_store_of_an_undisturbed_preparation(
                 raise Crash
 
         with at_commit(fall), pytest.raises(Crash):
-            prepare(paths, target, Limits(100_000), crew_of(1))
+            prepare_problems(paths, target, SearchLimits(100_000), crew_of(1))
         prepared(paths, target)
         assert knowledge(target) == wanted, f"crash at commit {crash} of {commits}"
 
 
 def emptied_rows(target: str) -> None:
     """Remove what a library holds."""
-    with Library(target) as library, transaction(library._engine, target, writes=True) as connection:
+    with Library(target) as library, open_transaction(library._engine, target, writes=True) as connection:
         for table in ("outlines", "usage", "utility", "trials", "macrops", "shared", "units", "sequences"):
             connection.exec_driver_sql(f"DELETE FROM {table}")
 
@@ -103,20 +103,20 @@ def test_a_killed_preparation_leaves_the_store_of_an_undisturbed_one(tmp_path: P
     child = os.fork()
     if child == 0:
         with at_commit(lambda number: os.kill(os.getpid(), signal.SIGKILL) if number == 2 else None):
-            prepare(paths, store, Limits(100_000), crew_of(1))
+            prepare_problems(paths, store, SearchLimits(100_000), crew_of(1))
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
     prepared(paths, store)
     assert knowledge(store) == knowledge(str(tmp_path / "calm.db"))
 
 
-def noted(draft: Draft) -> Callable[[], dict[str, Any]]:
+def noted(draft: LibraryDraft) -> Callable[[], dict[str, Any]]:
     return lambda: {"numbers": sorted(draft.numbers.values())}
 
 
 def test_a_draft_is_seen_by_its_owner_alone_until_it_is_written(target: str) -> None:
     record = Record(macrop("own"), "goals")
-    with Library(target) as library, Draft(target) as draft, UnitStore(target, "test") as ledger:
+    with Library(target) as library, LibraryDraft(target) as draft, UnitStore(target, "test") as ledger:
         (number,) = draft.add([record])
         assert number is not None
         assert draft.add([record]) == [None]
@@ -137,14 +137,14 @@ def test_a_draft_is_seen_by_its_owner_alone_until_it_is_written(target: str) -> 
 def test_a_unit_that_two_have_carried_out_is_written_once(target: str) -> None:
     with Library(target) as library, UnitStore(target, "test") as ledger:
         for expected in (True, False):
-            with Draft(target) as draft:
+            with LibraryDraft(target) as draft:
                 draft.note_trial("d", "s", success=False)
                 assert ledger.settle("a", "k", draft, noted(draft)) is expected
         assert library.trials("d", "s") == (0, 1)
 
 
 def test_what_another_has_stored_meanwhile_is_counted_for_it(target: str) -> None:
-    with Library(target) as library, Draft(target) as draft, UnitStore(target, "test") as ledger:
+    with Library(target) as library, LibraryDraft(target) as draft, UnitStore(target, "test") as ledger:
         (own,) = draft.add([Record(macrop("own"), "goals")])
         assert own is not None
         draft.note_uses({own: Use(1, 0.0)})
@@ -158,7 +158,7 @@ def test_nothing_is_written_if_the_note_fails(target: str) -> None:
     def failing() -> dict[str, Any]:
         raise Crash
 
-    with Library(target) as library, Draft(target) as draft, UnitStore(target, "test") as ledger:
+    with Library(target) as library, LibraryDraft(target) as draft, UnitStore(target, "test") as ledger:
         draft.add([Record(macrop("own"), "goals")])
         draft.note_trial("d", "s", success=True)
         with pytest.raises(Crash):

@@ -7,11 +7,13 @@ from pathlib import Path
 import pytest
 
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.store.journal import Journal, JournalFailure, Line
+from cellwright.kb.store.journal import Journal, JournalFailure, JournalLine
 
 
-def lines(first: int, count: int) -> list[Line]:
-    return [Line(n, n * 10, "done", {"step": n, "adds": ["at(a, b)"]}) for n in range(first, first + count)]
+def lines(first: int, count: int) -> list[JournalLine]:
+    return [
+        JournalLine(n, n * 10, "done", {"step": n, "adds": ["at(a, b)"]}) for n in range(first, first + count)
+    ]
 
 
 def test_lines_come_back_in_order_and_by_kind(tmp_path: Path) -> None:
@@ -19,8 +21,8 @@ def test_lines_come_back_in_order_and_by_kind(tmp_path: Path) -> None:
         assert journal.begin("r", "2026-11-22", {"target": "x"})
         assert not journal.begin("r", "2026-11-22", {})
         journal.append("r", lines(1, 3))
-        journal.append("r", [Line(4, 40, "end", {"why": "ü"})])
-        assert list(journal.lines("r")) == [*lines(1, 3), Line(4, 40, "end", {"why": "ü"})]
+        journal.append("r", [JournalLine(4, 40, "end", {"why": "ü"})])
+        assert list(journal.lines("r")) == [*lines(1, 3), JournalLine(4, 40, "end", {"why": "ü"})]
         assert [each.number for each in journal.lines("r", after=2, kinds=["done"])] == [3]
         assert (journal.last("r"), journal.last("r", "done"), journal.last("other")) == (4, 3, 0)
 
@@ -71,7 +73,7 @@ def test_a_full_disk_is_told_and_leaves_the_journal_as_it_was(tmp_path: Path) ->
         pages = held.cursor().execute("PRAGMA page_count").fetchone()[0]
         held.cursor().execute(f"PRAGMA max_page_count = {pages}")
         with pytest.raises(JournalFailure, match="full"):
-            journal.append("r", [Line(3, 0, "done", {"text": "x" * 200_000})])
+            journal.append("r", [JournalLine(3, 0, "done", {"text": "x" * 200_000})])
         assert journal.last("r") == 2
         journal.append("r", lines(3, 1))
 

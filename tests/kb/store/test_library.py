@@ -16,8 +16,8 @@ from sqlalchemy import text
 from benchmarks.postgres import emptied
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store import Library, Record, Use
-from cellwright.kb.store import schema as tables
-from cellwright.kb.store.engines import connected, transaction
+from cellwright.kb.store import table_schema as tables
+from cellwright.kb.store.database import connect_engine, open_transaction
 
 
 def record(name: str, domain: str = "bulkhead", planning_s: float = 0.0, **depends: str) -> Record:
@@ -119,21 +119,21 @@ def _count(target: str) -> int:
 
 
 def test_a_library_of_the_first_schema_is_brought_up_to_date(target: str) -> None:
-    engine = connected(target)
-    with transaction(engine, target, writes=True) as connection:
+    engine = connect_engine(target)
+    with open_transaction(engine, target, writes=True) as connection:
         tables.metadata.create_all(connection, [tables.versions])
-        tables.MIGRATIONS[0](connection)
+        tables.SCHEMA_MIGRATIONS[0](connection)
         connection.execute(tables.versions.insert().values(version=1))
         from cellwright.kb.store import dumps
 
         text = dumps(macrop("go"))
         old = dict(domain="bulkhead", signature="go/0", name="go", steps=1, document=text)
-        connection.execute(tables.macrops.insert().values(fingerprint=tables.fingerprint(text), **old))
+        connection.execute(tables.macrops.insert().values(fingerprint=tables.text_fingerprint(text), **old))
         connection.execute(tables.dependencies.insert().values(macrop=1, part="operator move", digest="a"))
     engine.dispose()
     with Library(target) as library:
         assert [str(each.macrop.name) for each in library.all()] == ["go"]
-        assert library.figures().schema == tables.CURRENT
+        assert library.figures().schema == tables.CURRENT_SCHEMA
         assert library.outdated("bulkhead", lambda _: "b") == {1: ("operator move",)}
         assert library.outdated("bulkhead", lambda _: "a") == {}
         assert [each.requirements for each in library.outlines("bulkhead")] == [None]
@@ -147,8 +147,8 @@ def test_a_library_of_the_first_schema_is_brought_up_to_date(target: str) -> Non
 
 def test_a_newer_library_is_refused(target: str) -> None:
     Library(target).close()
-    engine = connected(target)
-    with transaction(engine, target, writes=True) as connection:
+    engine = connect_engine(target)
+    with open_transaction(engine, target, writes=True) as connection:
         connection.execute(tables.versions.update().values(version=99))
     engine.dispose()
     with pytest.raises(InvalidInput, match="schema 99"):
@@ -186,10 +186,10 @@ def test_a_connection_that_ended_while_nobody_used_it_is_replaced(postgres: str)
     emptied(postgres)
     with Library(postgres) as library:
         library.add([record("go")])
-        with transaction(library._engine, postgres) as connection:
+        with open_transaction(library._engine, postgres) as connection:
             own = connection.execute(text("SELECT pg_backend_pid()")).scalar_one()
-        other = connected(postgres)
-        with transaction(other, postgres) as connection:
+        other = connect_engine(postgres)
+        with open_transaction(other, postgres) as connection:
             ended = text(f"SELECT pg_terminate_backend({own}, 5000)")
             assert connection.execute(ended).scalar_one()
         other.dispose()
@@ -202,7 +202,7 @@ def test_the_server_is_asked_once_for_a_macrop_and_once_for_each_count(postgres:
     emptied(postgres)
     with Library(postgres) as library:
         library.add([record("go")])
-        with transaction(library._engine, postgres) as connection:
+        with open_transaction(library._engine, postgres) as connection:
             raw = connection.connection.driver_connection
         with (tmp_path / "trace").open("w") as file:
             raw.pgconn.trace(file.fileno())

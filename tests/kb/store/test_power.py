@@ -14,9 +14,9 @@ import pytest
 
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store import Library
-from cellwright.kb.store.checking import checked
-from cellwright.kb.store.engines import OutOfReach
+from cellwright.kb.store.database import OutOfReach
 from cellwright.kb.store.journal import Journal
+from cellwright.kb.store.store_maintenance import check_library
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 pytestmark = pytest.mark.skipif(
@@ -26,14 +26,14 @@ pytestmark = pytest.mark.skipif(
 WRITER = """
 import sys
 from pathlib import Path
-from cellwright.kb.store.cases import Cases, ClosedCase
-from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.store.case_store import Cases, ClosedCase
+from cellwright.kb.store.journal import Journal, JournalLine
 folder = Path(sys.argv[1])
 acks = open(folder / "acks", "ab", buffering=0)
 with Journal(str(folder / "j.db")) as journal, Cases(str(folder / "j.db")) as cases:
     journal.begin("r", "", {})
     for number in range(1, 13):
-        journal.append("r", [Line(number, number, "done", {"text": "x" * 300 * number})])
+        journal.append("r", [JournalLine(number, number, "done", {"text": "x" * 300 * number})])
         cases.add([ClosedCase("cell", "lost", ("slipped",))])
         acks.write(b"%d" % number + chr(10).encode())
 """
@@ -102,7 +102,7 @@ def test_what_was_acknowledged_survives_a_loss_of_power_at_any_moment(disk: str,
         acknowledged = sum(at < moment for at in acks)
         with Journal(str(again / "j.db")) as journal:
             assert journal.last("r") >= acknowledged
-        findings, rows = checked(str(again / "j.db"))
+        findings, rows = check_library(str(again / "j.db"))
         assert findings == []
         assert rows["fault_cases"] >= acknowledged
 
@@ -132,7 +132,7 @@ def test_a_full_disk_does_not_take_the_answer_with_it(disk: str, tmp_path: Path,
     assert (told.returncode, bool(answer["data"]["plan"]["steps"])) == (0, True)
     lost = [each["code"] for each in answer["diagnostics"]]
     assert lost == (["K416"] if room < 60_000 else lost)
-    assert checked(str(folder / "s.db"))[0] == []
+    assert check_library(str(folder / "s.db"))[0] == []
 
 
 def test_an_answer_is_given_beside_a_library_that_cannot_be_opened(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from macrops import macrop
 
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store import Library, Record, Use
-from cellwright.kb.store.engines import connected, transaction
-from cellwright.kb.store.schema import versions
+from cellwright.kb.store.database import connect_engine, open_transaction
+from cellwright.kb.store.table_schema import versions
 
 NOBODY = 65534
 
@@ -76,8 +76,8 @@ def test_what_others_write_meanwhile_is_seen(file: Path) -> None:
 
 
 def test_an_older_one_is_refused_with_the_way_out(file: Path) -> None:
-    engine = connected(str(file))
-    with transaction(engine, str(file), writes=True) as connection:
+    engine = connect_engine(str(file))
+    with open_transaction(engine, str(file), writes=True) as connection:
         connection.execute(versions.update().values(version=2))
     engine.dispose()
     _lock(file, 0o555)

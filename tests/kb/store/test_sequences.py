@@ -7,10 +7,10 @@ import pytest
 
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store import Library
-from cellwright.kb.store.cases import Cases, ClosedCase
-from cellwright.kb.store.engines import connected, transaction
-from cellwright.kb.store.schema import sequences as table
-from cellwright.kb.store.sequences import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.store.case_store import Cases, ClosedCase
+from cellwright.kb.store.database import connect_engine, open_transaction
+from cellwright.kb.store.inspection_store import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.store.table_schema import sequences as table
 
 PLAN = SequencePlan(
     "bulkhead",
@@ -61,8 +61,8 @@ def test_plans_live_beside_cases_and_macrops(target: str) -> None:
 def test_a_plan_that_cannot_be_read_is_told(target: str, document: str) -> None:
     with Sequences(target) as sequences:
         assert sequences.keep(PLAN)
-    engine = connected(target)
-    with transaction(engine, target, writes=True) as connection:
+    engine = connect_engine(target)
+    with open_transaction(engine, target, writes=True) as connection:
         connection.execute(table.update().values(document=document))
     engine.dispose()
     with Sequences(target) as sequences, pytest.raises(InvalidInput, match="plate cannot be read"):

@@ -9,14 +9,12 @@ from macrops import macrop
 
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store import Library, Record, Use
-from cellwright.kb.store.cases import Cases, ClosedCase
-from cellwright.kb.store.checking import checked
-from cellwright.kb.store.copying import back_up, migrate, restore
-from cellwright.kb.store.engines import connected, transaction
-from cellwright.kb.store.journal import Journal, Line, lines
-from cellwright.kb.store.poses import PoseStore
-from cellwright.kb.store.schema import macrops, outlines, shared
-from cellwright.kb.store.sequences import PlannedVisit, SequencePlan, Sequences
+from cellwright.kb.store.case_store import Cases, ClosedCase
+from cellwright.kb.store.database import connect_engine, open_transaction
+from cellwright.kb.store.inspection_store import PlannedVisit, PoseStore, SequencePlan, Sequences
+from cellwright.kb.store.journal import Journal, JournalLine, lines
+from cellwright.kb.store.store_maintenance import check_library, migrate_library, restore_backup, write_backup
+from cellwright.kb.store.table_schema import macrops, outlines, shared
 
 
 def fill(target: str) -> None:
@@ -31,7 +29,9 @@ def fill(target: str) -> None:
         sequences.keep(SequencePlan("cell", "p", rest=(PlannedVisit("m1", "probe", (1.0, 2.0)),)))
     with Journal(target) as journal:
         journal.begin("r", "2026-11-22", {"target": "x"})
-        journal.append("r", [Line(1, 0, "phase", {"phase": "ready"}), Line(2, 5, "done", {"step": 1})])
+        journal.append(
+            "r", [JournalLine(1, 0, "phase", {"phase": "ready"}), JournalLine(2, 5, "done", {"step": 1})]
+        )
 
 
 def content(target: str) -> tuple[object, ...]:
@@ -52,23 +52,23 @@ def content(target: str) -> tuple[object, ...]:
 
 
 def messages(target: str) -> list[str]:
-    return [each.message for each in checked(target)[0]]
+    return [each.message for each in check_library(target)[0]]
 
 
 def test_what_is_backed_up_is_restored_and_used_on(target: str, tmp_path: Path) -> None:
     fill(target)
     backup = tmp_path / "backup.db"
     assert messages(target) == []
-    rows = back_up(target, backup)
+    rows = write_backup(target, backup)
     assert (rows["macrops"], rows["journal"]) == (2, 2)
     other = str(tmp_path / "other.db")
-    restore(backup, other)
+    restore_backup(backup, other)
     assert content(other) == content(target)
     with pytest.raises(InvalidInput, match="not empty"):
-        restore(backup, target)
+        restore_backup(backup, target)
     with Library(target) as library:
         library.add([Record(macrop("new"), "new/0")])
-    restore(backup, target, replaces=True)
+    restore_backup(backup, target, replaces=True)
     assert content(other) == content(target)
     with Library(target) as library:
         assert library.add([Record(macrop("new"), "new/0")]) == [4]
@@ -80,24 +80,24 @@ def test_a_library_moves_to_the_other_kind_of_database_and_stays_where_it_was(
 ) -> None:
     first, back = str(tmp_path / "first.db"), str(tmp_path / "back.db")
     fill(first)
-    rows = migrate(first, target)
+    rows = migrate_library(first, target)
     assert (rows["macrops"], rows["journal"]) == (2, 2)
-    migrate(target, back)
+    migrate_library(target, back)
     assert content(first) == content(target) == content(back)
     with Library(target) as library:
         assert library.add([Record(macrop("new"), "new/0")]) == [4]
     with pytest.raises(InvalidInput, match="not empty"):
-        migrate(first, target)
+        migrate_library(first, target)
     with pytest.raises(InvalidInput, match="shall be copied to"):
-        migrate(target, target)
+        migrate_library(target, target)
 
 
 def test_a_backup_shows_one_moment_while_others_write(target: str, tmp_path: Path) -> None:
     fill(target)
     with Journal(target) as journal:
         for number in range(3, 9):
-            journal.append("r", [Line(number, number, "done", {})])
-            back_up(target, tmp_path / f"{number}.db")
+            journal.append("r", [JournalLine(number, number, "done", {})])
+            write_backup(target, tmp_path / f"{number}.db")
             assert messages(str(tmp_path / f"{number}.db")) == []
             with Journal(str(tmp_path / f"{number}.db")) as copy:
                 assert copy.last("r") == number
@@ -107,14 +107,14 @@ def test_an_existing_file_is_not_overwritten_by_a_backup(tmp_path: Path) -> None
     fill(str(tmp_path / "a.db"))
     (tmp_path / "b.db").write_text("mine")
     with pytest.raises(InvalidInput, match="already"):
-        back_up(str(tmp_path / "a.db"), tmp_path / "b.db")
+        write_backup(str(tmp_path / "a.db"), tmp_path / "b.db")
     assert (tmp_path / "b.db").read_text() == "mine"
 
 
 def test_each_damage_is_told(target: str) -> None:
     fill(target)
-    engine = connected(target)
-    with transaction(engine, target, writes=True) as connection:
+    engine = connect_engine(target)
+    with open_transaction(engine, target, writes=True) as connection:
         connection.execute(macrops.update().where(macrops.c.id == 2).values(document="{"))
         connection.execute(shared.update().values(text="other"))
         connection.execute(outlines.update().values(requirements="77*2"))
@@ -149,21 +149,21 @@ def test_rows_that_refer_to_nothing_and_missing_tables_are_told(tmp_path: Path) 
 def test_a_damaged_file_is_replaced_and_kept(tmp_path: Path) -> None:
     file, backup = tmp_path / "a.db", tmp_path / "b.db"
     fill(str(file))
-    back_up(str(file), backup)
+    write_backup(str(file), backup)
     file.write_bytes(b"no database" * 1000)
     for each in ("a.db-wal", "a.db-shm"):
         (tmp_path / each).unlink(missing_ok=True)
-    restore(backup, str(file), replaces=True)
+    restore_backup(backup, str(file), replaces=True)
     assert content(str(file)) == content(str(backup))
     assert (tmp_path / "a.db.damaged").read_bytes().startswith(b"no database")
 
 
 def test_what_is_no_library_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="no library here"):
-        checked(str(tmp_path / "none.db"))
+        check_library(str(tmp_path / "none.db"))
     sqlite3.connect(tmp_path / "empty.db").close()
     with pytest.raises(InvalidInput):
-        checked(str(tmp_path / "empty.db"))
+        check_library(str(tmp_path / "empty.db"))
     assert sorted(each.name for each in tmp_path.iterdir()) == ["empty.db"]
 
 

@@ -5,9 +5,9 @@ from multiprocessing.context import BaseContext
 from macrops import macrop
 
 from cellwright.kb.store import Library, Record
-from cellwright.kb.store import schema as tables
-from cellwright.kb.store.engines import connected, transaction
-from cellwright.kb.store.utilities import RARELY, Utility
+from cellwright.kb.store import table_schema as tables
+from cellwright.kb.store.database import connect_engine, open_transaction
+from cellwright.kb.store.usage_counts import RARELY, Utility
 
 ONE = Utility(1, 1, 1, 10, 4)
 
@@ -58,8 +58,8 @@ def test_concurrent_writers_lose_no_count(target: str, processes: BaseContext) -
 def test_a_library_without_utilities_is_brought_up_to_date(target: str) -> None:
     with Library(target) as library:
         filled(library)
-    engine = connected(target)
-    with transaction(engine, target, writes=True) as connection:
+    engine = connect_engine(target)
+    with open_transaction(engine, target, writes=True) as connection:
         for table in (tables.utility, tables.outlines, tables.shared):
             table.drop(connection)
         tables.dependencies.create(connection)
@@ -67,7 +67,7 @@ def test_a_library_without_utilities_is_brought_up_to_date(target: str) -> None:
     engine.dispose()
     with Library(target) as library:
         library.note_utilities({(1, "forward"): ONE})
-        assert library.figures().schema == tables.CURRENT
+        assert library.figures().schema == tables.CURRENT_SCHEMA
         assert len(library.all()) == 3
 
 

@@ -10,22 +10,27 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from cellwright.engine.formats.interop.pddl.conditions import ConditionReader
-from cellwright.engine.formats.interop.pddl.domain import DomainReader
+from cellwright.engine.formats.interop.pddl.declared_names import NameMapping, read_typed_list
+from cellwright.engine.formats.interop.pddl.domain_reader import DomainReader
 from cellwright.engine.formats.interop.pddl.expressions import (
     Document,
     Expression,
     Group,
-    Word,
+    PddlWord,
     read_document,
 )
-from cellwright.engine.formats.interop.pddl.functions import FunctionReader, Functions, applied
-from cellwright.engine.formats.interop.pddl.names import NameMapping
-from cellwright.engine.formats.interop.pddl.polynomials import LARGEST, Unreadable, number_of
-from cellwright.engine.formats.interop.pddl.scope import typed
+from cellwright.engine.formats.interop.pddl.numeric_functions import (
+    MAX_PDDL_NUMBER,
+    FunctionReader,
+    TaskFunctions,
+    Unreadable,
+    function_of,
+    written_number,
+)
+from cellwright.engine.formats.interop.pddl.pddl_conditions import ConditionReader
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
-from cellwright.kb.model.conditions import TRUE, Condition
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.conditions import ALWAYS_TRUE, Condition
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom
 
 
@@ -39,7 +44,7 @@ class PddlProblem:
     warnings: tuple[Diagnostic, ...] = ()
 
 
-def read_pddl(domain_path: Path, problem_path: Path) -> PddlProblem:
+def read_pddl_task(domain_path: Path, problem_path: Path) -> PddlProblem:
     """The problem in two files. Raises `InvalidInput` with all errors in them."""
     reader = DomainReader(read_document(domain_path))
     reader.declare()
@@ -53,7 +58,7 @@ def read_pddl(domain_path: Path, problem_path: Path) -> PddlProblem:
 
 
 class _ProblemReader:
-    def __init__(self, document: Document, domain: DomainReader, functions: Functions) -> None:
+    def __init__(self, document: Document, domain: DomainReader, functions: TaskFunctions) -> None:
         self.document, self.domain, self.scope = document, domain, domain.scope
         self.functions, self.conditions = functions, ConditionReader(document, self.scope, functions)
         self.objects: dict[str, str] = {}
@@ -98,7 +103,7 @@ class _ProblemReader:
     def _name(self) -> str:
         group = self.sections.get("problem")
         word = group.rest[0] if group and group.rest else None
-        return word.text if isinstance(word, Word) else "problem"
+        return word.text if isinstance(word, PddlWord) else "problem"
 
     def _goal(self) -> Condition:
         group = self.sections.get(":goal")
@@ -106,7 +111,7 @@ class _ProblemReader:
             self.document.add(
                 group or self.document.root, "K801", "a problem has one goal", "write (:goal (and ...))"
             )
-            return TRUE
+            return ALWAYS_TRUE
         return self.conditions.condition(group.rest[0], {})
 
     def _fact(self, part: Expression) -> Iterator[tuple[Atom, bool]]:
@@ -123,7 +128,7 @@ class _ProblemReader:
     def _value(self, part: Group) -> Iterator[tuple[Atom, bool]]:
         """The value of a function at the start."""
         function, value = (
-            (applied(part.rest[0]), number_of(part.rest[1])) if len(part.rest) == 2 else (None, None)
+            (function_of(part.rest[0]), written_number(part.rest[1])) if len(part.rest) == 2 else (None, None)
         )
         if function is None or value is None or function.head not in self.functions.declared:
             hint = "a number is whole or decimal, with at most 12 decimals: (= (fuel truck) 20.5)"
@@ -135,9 +140,9 @@ class _ProblemReader:
             except Unreadable as wrong:
                 self.document.add(part, "K101", wrong.why)
                 return
-            if abs(value * self.functions.unit(function.head)) > LARGEST:
+            if abs(value * self.functions.unit(function.head)) > MAX_PDDL_NUMBER:
                 self.document.add(
-                    part, "K802", f"{value} is too large", f"as a whole number it exceeds {LARGEST}"
+                    part, "K802", f"{value} is too large", f"as a whole number it exceeds {MAX_PDDL_NUMBER}"
                 )
             static = function.head not in self.functions.changing
             if static:
@@ -152,4 +157,4 @@ class _ProblemReader:
             yield Diagnostic(where, "K802", message, "every step costs 1", True)
 
 
-__all__ = ["PddlProblem", "read_pddl", "typed"]
+__all__ = ["PddlProblem", "read_pddl_task", "read_typed_list"]

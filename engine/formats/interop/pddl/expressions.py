@@ -1,4 +1,4 @@
-"""PDDL text as nested lists with places."""
+"""PDDL text as nested lists of words, each with its place in the file."""
 
 import re
 from collections.abc import Iterator
@@ -9,12 +9,12 @@ from pathlib import Path
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.files import File, read_file
 
-_TOKEN = re.compile(r";[^\n]*|[()]|[^\s();]+")
-MAX_DEPTH = 200
+_PDDL_TOKEN = re.compile(r";[^\n]*|[()]|[^\s();]+")
+MAX_PDDL_DEPTH = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class PddlWord:
     """A name, variable or number in small letters; PDDL does not distinguish case."""
 
     text: str
@@ -25,29 +25,29 @@ class Word:
 class Group:
     """The expressions between a pair of parentheses."""
 
-    parts: tuple["Word | Group", ...]
+    parts: tuple["PddlWord | Group", ...]
     offset: int
 
     @property
     def head(self) -> str:
         """The first word, or an empty text."""
         first = self.parts[0] if self.parts else None
-        return first.text if isinstance(first, Word) else ""
+        return first.text if isinstance(first, PddlWord) else ""
 
     @property
-    def rest(self) -> tuple["Word | Group", ...]:
+    def rest(self) -> tuple["PddlWord | Group", ...]:
         """All parts except the first."""
         return self.parts[1:]
 
-    def field(self, key: str) -> "Word | Group | None":
+    def field(self, key: str) -> "PddlWord | Group | None":
         """The expression after a keyword such as `:effect`."""
         for part, following in pairwise(self.parts):
-            if isinstance(part, Word) and part.text == key:
+            if isinstance(part, PddlWord) and part.text == key:
                 return following
         return None
 
 
-Expression = Word | Group
+Expression = PddlWord | Group
 
 
 @dataclass
@@ -70,11 +70,11 @@ class Document:
 def read_document(path: Path) -> Document:
     """The expression in a PDDL file. Raises `InvalidInput` when parentheses do not match."""
     file = read_file(path)
-    return Document(file, _root(file), [])
+    return Document(file, _only_group(file), [])
 
 
-def _root(file: File) -> Group:
-    roots = list(_groups(file))
+def _only_group(file: File) -> Group:
+    roots = list(_outer_groups(file))
     if len(roots) != 1:
         what = "no expression" if not roots else "more than one expression"
         hint = "a PDDL file is one (define ...)"
@@ -82,20 +82,20 @@ def _root(file: File) -> Group:
     return roots[0]
 
 
-def _groups(file: File) -> Iterator[Group]:
+def _outer_groups(file: File) -> Iterator[Group]:
     """The outermost groups. An explicit stack limits the depth, instead of Python's recursion limit."""
     stack: list[tuple[int, list[Expression]]] = []
-    for token, offset in _tokens(file.text):
-        if token == "(" and len(stack) >= MAX_DEPTH:
+    for token, offset in _tokens_of(file.text):
+        if token == "(" and len(stack) >= MAX_PDDL_DEPTH:
             raise InvalidInput(
-                [Diagnostic(file.at(offset), "K007", f"nested deeper than {MAX_DEPTH} levels")]
+                [Diagnostic(file.at(offset), "K007", f"nested deeper than {MAX_PDDL_DEPTH} levels")]
             )
         if token == "(":
             stack.append((offset, []))
         elif not stack:
             raise InvalidInput([Diagnostic(file.at(offset), "K106", f"'{token}' is outside all parentheses")])
         elif token != ")":
-            stack[-1][1].append(Word(token.lower(), offset))
+            stack[-1][1].append(PddlWord(token.lower(), offset))
         else:
             start, parts = stack.pop()
             group = Group(tuple(parts), start)
@@ -107,23 +107,23 @@ def _groups(file: File) -> Iterator[Group]:
         raise InvalidInput([Diagnostic(file.at(stack[-1][0]), "K106", "this parenthesis is never closed")])
 
 
-def _tokens(text: str) -> Iterator[tuple[str, int]]:
-    for found in _TOKEN.finditer(text):
-        if not found[0].startswith(";"):
-            yield found[0], found.start()
+def _tokens_of(text: str) -> Iterator[tuple[str, int]]:
+    for token in _PDDL_TOKEN.finditer(text):
+        if not token[0].startswith(";"):
+            yield token[0], token.start()
 
 
-_LINE = re.compile(r"[^\n]+")
-_AROUND = re.compile(r"^\s*(?:\d+(?:\.\d+)?\s*:)?\s*|\s*(?:\[[\d.\s]*\])?\s*(?:;.*)?$")
+_TEXT_LINE = re.compile(r"[^\n]+")
+_AROUND_ACTION = re.compile(r"^\s*(?:\d+(?:\.\d+)?\s*:)?\s*|\s*(?:\[[\d.\s]*\])?\s*(?:;.*)?$")
 
 
-def actions(text: str) -> Iterator[tuple[list[str], int]]:
+def plan_actions(text: str) -> Iterator[tuple[list[str], int]]:
     """The actions of a plan file, one per line: their words in small letters, and their place.
 
     Parentheses, a time before the action (`3: (...)`), a duration after it (`[1]`) and comments are skipped.
     """
-    for line in _LINE.finditer(text):
+    for line in _TEXT_LINE.finditer(text):
         small = line[0].lower()
-        said = _AROUND.sub("", small)
+        said = _AROUND_ACTION.sub("", small)
         if words := said.removeprefix("(").removesuffix(")").split():
             yield words, line.start() + small.index(words[0], small.index(said))

@@ -2,11 +2,14 @@
 
 from enum import StrEnum
 
-from cellwright.engine.formats.interop.results.notation import read_json, written_json
-from cellwright.engine.formats.interop.results.qif import written_qif
-from cellwright.engine.formats.interop.results.qif_reading import read_qif
-from cellwright.engine.formats.interop.results.tables import read_csv, written_csv
-from cellwright.kb.model.results import Results
+from cellwright.engine.formats.interop.results.json_and_csv import (
+    read_csv,
+    read_json,
+    written_csv,
+    written_json,
+)
+from cellwright.engine.formats.interop.results.qif_results import read_qif, written_qif
+from cellwright.kb.model.measured_results import Results
 
 
 class ResultForm(StrEnum):
@@ -17,14 +20,14 @@ class ResultForm(StrEnum):
     QIF = "qif"
 
 
-def written(results: Results, form: ResultForm) -> str:
+def write_results(results: Results, form: ResultForm) -> str:
     """The results in a form. CSV and QIF have what was measured, JSON the history of each object, too."""
     return {ResultForm.CSV: written_csv, ResultForm.JSON: written_json, ResultForm.QIF: written_qif}[form](
         results
     )
 
 
-def read(text: str, form: ResultForm) -> Results:
+def read_results_text(text: str, form: ResultForm) -> Results:
     """The results in a text that `written` made. Raises `ValueError` for another text."""
     reader = {ResultForm.CSV: read_csv, ResultForm.JSON: read_json, ResultForm.QIF: read_qif}[form]
     try:

@@ -1,1 +1,1 @@
-"""Backends that compute distances and collisions."""
+"""Collision: backends that compute distances, and the planning scene made from them."""

@@ -3,14 +3,19 @@
 import coal
 import numpy as np
 
-from cellwright.engine.model.geometry import Contact, Floats, Piece, Scene, Truths
-from cellwright.engine.stages.geometry.collision.carriers import only, split
-from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
-from cellwright.engine.stages.geometry.shapes.contacts import nearest_of_bodies
-from cellwright.engine.stages.geometry.shapes.primitives import length_of, primitive_frame, refuse_rounded
+from cellwright.engine.kernels.arrays import Floats, Truths
+from cellwright.engine.model.geometry import CollisionScene, Contact, ConvexPiece
+from cellwright.engine.stages.geometry.collision.carrier_poses import batch_of_one, split_batch
+from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
+from cellwright.engine.stages.geometry.shapes.convex_pieces import (
+    length_of,
+    nearest_of_bodies,
+    primitive_frame,
+    refuse_rounded,
+)
 
 
-def _geometry(piece: Piece) -> "coal.CollisionGeometry":
+def _coal_geometry(piece: ConvexPiece) -> "coal.CollisionGeometry":
     """A piece as a coal geometry. Raises `ValueError` for a rounded polytope."""
     refuse_rounded(piece, "coal")
     if len(piece.vertices) == 1:
@@ -28,9 +33,9 @@ def _geometry(piece: Piece) -> "coal.CollisionGeometry":
 class CoalChecker:
     """A scene as coal geometries. Balls around them are compared first."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: CollisionScene) -> None:
         self._scene = scene
-        self._geometries = [_geometry(piece) for piece in scene.pieces]
+        self._geometries = [_coal_geometry(piece) for piece in scene.pieces]
         self._frames = np.array([primitive_frame(piece) for piece in scene.pieces]).reshape(-1, 4, 4)
         self._carrier = np.array([piece.carrier for piece in scene.pieces], dtype=int)
         middles = [(p.vertices.min(axis=0) + p.vertices.max(axis=0)) / 2 for p in scene.pieces]
@@ -48,27 +53,27 @@ class CoalChecker:
         )
 
     @property
-    def scene(self) -> Scene:
+    def scene(self) -> CollisionScene:
         """The scene that is checked."""
         return self._scene
 
     def collides(self, where: Floats) -> Truths:
         """Whether any pair touches (n,)."""
-        where, endless = split(self._scene, where)
+        where, endless = split_batch(self._scene, where)
         return np.array([self._touches(poses) for poses in self._poses(where)], dtype=bool) | endless
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), in metres; `beyond_m` where it would be larger."""
-        where, endless = split(self._scene, where)
-        found = [
+        where, endless = split_batch(self._scene, where)
+        clearances = [
             min([beyond_m, *(c.distance_m for c in self._near(poses, beyond_m))])
             for poses in self._poses(where)
         ]
-        return np.where(endless, -np.inf, np.array(found))
+        return np.where(endless, -np.inf, np.array(clearances))
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
-        (poses,) = self._poses(only(self._scene, where))
+        (poses,) = self._poses(batch_of_one(self._scene, where))
         return nearest_of_bodies(iter(self._near(poses, within_m)))
 
     def _poses(self, where: Floats) -> Floats:
@@ -103,15 +108,15 @@ class CoalChecker:
         transforms, request = self._transforms(poses), coal.DistanceRequest()
         request.gjk_tolerance = request.epa_tolerance = 1e-9
         request.gjk_max_iterations = request.epa_max_iterations = 256
-        found = []
+        near = []
         for i, j in self._candidates(poses, within_m):
             result = coal.DistanceResult()
             distance = coal.distance(
                 self._geometries[i], transforms[i], self._geometries[j], transforms[j], request, result
             )
             if distance <= within_m:
-                found.append(self._contact(i, j, float(distance), result))
-        return found
+                near.append(self._contact(i, j, float(distance), result))
+        return near
 
     def _contact(self, i: int, j: int, distance: float, result: "coal.DistanceResult") -> Contact:
         first, second = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
@@ -128,10 +133,10 @@ class CoalBackend:
     name = "coal"
     exact_depths = True
 
-    def checker(self, scene: Scene) -> CoalChecker:
+    def checker(self, scene: CollisionScene) -> CoalChecker:
         """A checker with coal geometries for the scene. Raises `ValueError` for a rounded polytope."""
         return CoalChecker(scene)
 
-    def checker_of_few(self, scene: Scene) -> CoalChecker:
+    def checker_of_few(self, scene: CollisionScene) -> CoalChecker:
         """The same checker."""
         return self.checker(scene)

@@ -1,4 +1,4 @@
-"""A filter of contact states: do the parts whose contact changes overlap with others in the end state?
+"""A filter of contact states: whether the parts whose contact changes overlap with others then.
 
 Fixtures stand where the cell has them, moved by the settings of their joints that the change needs. Every other object
 stands where its contacts put it: the frames of two anchor points in contact coincide. The way from one contact state to the
@@ -12,17 +12,23 @@ from pathlib import Path
 
 import numpy as np
 
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.linear import matmul
-from cellwright.engine.model.geometry import Floats
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import free_scene_of
+from cellwright.engine.stages.geometry.world.collision_scene import free_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.model.cell import WORLD, BodyKind
-from cellwright.kb.model.contacts import ConditionKind, ContactModel, PermanentContact, describes
-from cellwright.kb.model.octuples import Octuple, Quadruple
+from cellwright.kb.model.cell_model import WORLD_FRAME, BodyKind
+from cellwright.kb.model.contact_model import (
+    ConditionKind,
+    ContactModel,
+    Octuple,
+    PermanentContact,
+    Quadruple,
+    template_bindings,
+)
 from cellwright.kb.targets import CELL_FILE
 
 TOLERANCE_M = 0.001  # what touches is not yet in the way
@@ -38,27 +44,27 @@ class CollisionOfContacts:
             hint = "write a cell.yaml, or leave `collision` out of the filters"
             message = "the filter 'collision' needs the geometry of the cell"
             raise InvalidInput([Diagnostic(Source(str(path)), "K405", message, hint)])
-        self.world = World.of(load_cell(path))
+        self.world = GeometricWorld.of(load_cell(path))
         self.backend = geometry_backend()
 
     def individuals(self) -> frozenset[tuple[str, str]]:
         """The anchor points of classes for which it makes a difference which of several is taken."""
-        found = set()
+        individuals = set()
         for kind in self.model.classes.values():
             groups: dict[str, list[str]] = {}
-            for each in kind.anchors.values():
-                groups.setdefault(each.anchor_class, []).append(each.name)
+            for anchor in kind.anchors.values():
+                groups.setdefault(anchor.anchor_class, []).append(anchor.name)
             for anchors in groups.values():
                 verdicts = (
-                    {self._verdicts(kind.name, each) for each in anchors} if len(anchors) > 1 else set()
+                    {self._verdicts(kind.name, anchor) for anchor in anchors} if len(anchors) > 1 else set()
                 )
                 if len(verdicts) > 1:
-                    found |= {(kind.name, each) for each in anchors}
-        return frozenset(found)
+                    individuals |= {(kind.name, anchor) for anchor in anchors}
+        return frozenset(individuals)
 
     def _verdicts(self, kind: str, anchor: str) -> tuple[bool, ...]:
         """Whether each object that fits collides at an anchor point, alone and in each hand."""
-        holder = next((each for each, of in self.model.objects.items() if of == kind), None)
+        holder = next((instance for instance, of in self.model.objects.items() if of == kind), None)
         return tuple(self._collisions(holder, anchor)) if holder in self._fixtures else ()
 
     def _collisions(self, holder: str | None, anchor: str) -> Iterator[bool]:
@@ -78,7 +84,7 @@ class CollisionOfContacts:
 
     def _candidates(self, lock: Quadruple) -> Iterator[Octuple]:
         """A contact at a lock for each class of objects that has a key for it."""
-        from cellwright.kb.model.contacts import class_of
+        from cellwright.kb.model.contact_model import class_of
 
         seen = set()
         for instance, kind in self.model.objects.items():
@@ -93,9 +99,9 @@ class CollisionOfContacts:
     def _fixtures(self) -> frozenset[str]:
         """The objects that stand where the cell has them."""
         bodies = self.world.cell.bodies
-        named = ((each, self.model.bodies.get(each, each)) for each in self.model.objects)
+        named = ((name, self.model.bodies.get(name, name)) for name in self.model.objects)
         return frozenset(
-            each for each, body in named if body in bodies and bodies[body].kind is BodyKind.FIXTURE
+            name for name, body in named if body in bodies and bodies[body].kind is BodyKind.FIXTURE
         )
 
     def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:
@@ -104,18 +110,18 @@ class CollisionOfContacts:
             return ""
         poses = self._poses([*objects, *self._attached(objects)], contacts, change)
         world = self.world
-        bodies = {each: self._body(each) for each in poses}
-        for each, T in poses.items():
-            world = world.put(bodies[each], WORLD, T)
+        bodies = {name: self._body(name) for name in poses}
+        for name_entry, T in poses.items():
+            world = world.put(bodies[name_entry], WORLD_FRAME, T)
         touching = {
             frozenset({bodies[c.first.instance], bodies[c.second.instance]})
             for c in contacts
             if {c.first.instance, c.second.instance} <= bodies.keys()
         }
-        others = [name for name in world.cell.bodies if name not in bodies.values()]
+        standing = [name for name in world.cell.bodies if name not in bodies.values()]
         concerned = {change.first.instance, change.second.instance, *self._held(change, contacts)}
         for each in sorted(concerned & poses.keys() - self._fixtures):
-            scene = free_scene_of(world, bodies[each], others, frozenset(touching))
+            scene = free_scene_of(world, bodies[each], standing, frozenset(touching))
             for hit in self.backend.checker(scene).contacts(poses[each], 0.0):
                 if hit.depth_m > TOLERANCE_M:
                     return f"{self._kind(hit.first)} touches {self._kind(hit.second)}"
@@ -124,8 +130,8 @@ class CollisionOfContacts:
     def _held(self, change: Octuple, contacts: Sequence[Octuple]) -> Iterator[str]:
         """What is in contact with the two parts."""
         ends = {change.first.instance, change.second.instance}
-        for each in contacts:
-            pair = {each.first.instance, each.second.instance}
+        for contact in contacts:
+            pair = {contact.first.instance, contact.second.instance}
             if pair & ends:
                 yield from pair - self._fixtures
 
@@ -147,39 +153,42 @@ class CollisionOfContacts:
     ) -> dict[str, Floats]:
         """T_world_object (4, 4) of each object that is a body: fixtures as their joints are, the others by their contacts."""
         settings = self._settings(contacts, change)
-        found = {each: self._standing(each, settings) for each in objects if each in self._fixtures}
-        if not found:
-            found = {change.first.instance: np.eye(4)}
-        open_ = deque(found)
+        poses = {name: self._standing(name, settings) for name in objects if name in self._fixtures}
+        if not poses:
+            poses = {change.first.instance: np.eye(4)}
+        open_ = deque(poses)
         while open_:
             at = open_.popleft()
-            for each in contacts:
-                for near, far in ((each.first, each.second), (each.second, each.first)):
-                    if near.instance == at and far.instance not in found:
-                        T = matmul(found[at], self._anchor(near), transforms.inverse(self._anchor(far)))
-                        found[far.instance] = T
+            for contact in contacts:
+                for near, far in ((contact.first, contact.second), (contact.second, contact.first)):
+                    if near.instance == at and far.instance not in poses:
+                        T = matmul(poses[at], self._anchor(near), transforms.inverse(self._anchor(far)))
+                        poses[far.instance] = T
                         open_.append(far.instance)
-        return {each: T for each, T in found.items() if self._body(each) in self.world.cell.bodies}
+        return {name: T for name, T in poses.items() if self._body(name) in self.world.cell.bodies}
 
     def _anchor(self, point: Quadruple) -> Floats:
         return transforms.of_pose(self.model.classes[point.object_class].anchors[point.anchor].pose)
 
     def _settings(self, contacts: Sequence[Octuple], change: Octuple) -> Mapping[str, str]:
         """The settings of the joints in which the change happens."""
-        found = {name: joint.starts for name, joint in self.model.permanent.items()}
-        for each in self.model.restrictions:
-            for bound in describes(self.model, each.contact, change):
-                there = each.during is None or any(
-                    next(describes(self.model, each.during, contact, bound), None) is not None
+        settings = {name: joint.starts for name, joint in self.model.permanent.items()}
+        for restriction in self.model.restrictions:
+            for bound in template_bindings(self.model, restriction.contact, change):
+                applies = restriction.during is None or any(
+                    next(template_bindings(self.model, restriction.during, contact, bound), None) is not None
                     for contact in contacts
                 )
-                if each.kind is ConditionKind.JOINT and there:
-                    found[each.subject] = each.value
-        return found
+                if restriction.kind is ConditionKind.JOINT and applies:
+                    settings[restriction.subject] = restriction.value
+        return settings
 
     def _standing(self, instance: str, settings: Mapping[str, str]) -> Floats:
-        T = self.world.pose(WORLD, self._body(instance))
-        joint = next((each for each in self.model.permanent.values() if self._moves(each, instance)), None)
+        T = self.world.pose(WORLD_FRAME, self._body(instance))
+        joint = next(
+            (permanent for permanent in self.model.permanent.values() if self._moves(permanent, instance)),
+            None,
+        )
         if joint is None or not settings[joint.name]:
             return T
         moved: Floats = matmul(T, transforms.of_pose(joint.settings[settings[joint.name]]))

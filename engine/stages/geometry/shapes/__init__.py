@@ -1,1 +1,1 @@
-"""Convex pieces, meshes and hulls."""
+"""Shapes of parts: convex pieces, meshes, hulls and solids with facets."""

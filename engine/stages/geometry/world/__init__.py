@@ -1,1 +1,1 @@
-"""The world model, which says where everything is, and the collision scene made from it."""
+"""The geometric world, which says where everything is, and the collision scene made from it."""

@@ -1,1 +1,1 @@
-"""Learns a MACROP from a plan: explains why the plan works, and generalises it."""
+"""Learning of a MACROP from a plan: a proof why the plan works, generalised."""

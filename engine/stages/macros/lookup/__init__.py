@@ -1,1 +1,1 @@
-"""Finds a MACROP that solves a problem, and the plan that it gives there."""
+"""Lookup of a MACROP that solves a problem, and the plan that it gives there."""

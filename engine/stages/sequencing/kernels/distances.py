@@ -2,7 +2,7 @@
 # cython: cdivision=True
 """Costs between cities: looked up in a matrix, or computed from points.
 
-The figures are those of `cellwright.engine.model.metric`, computed by the same operations in the same order.
+The figures are those of `cellwright.engine.model.tour_problem`, computed by the same operations in the same order.
 """
 
 import math

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.authoring.starter import create
-from cellwright.engine.authoring.testing.golden import compare_all, update
+from cellwright.engine.authoring.starter import create_domain
+from cellwright.engine.authoring.testing.golden_files import accept_answer, compare_all
 from cellwright.kb.diagnostics import InvalidInput
 
 pytest_plugins = ["pytester"]
@@ -12,7 +12,7 @@ pytest_plugins = ["pytester"]
 
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
-    create(tmp_path / "cell")
+    create_domain(tmp_path / "cell")
     return tmp_path / "cell"
 
 
@@ -42,7 +42,7 @@ def test_an_unsolvable_problem_has_a_golden_answer_too(cell: Path) -> None:
     )
     never = next(each for each in compare_all(str(cell)) if each.name == "never")
     assert never.verdict == "new"
-    update(never)
+    accept_answer(never)
     assert [each.verdict for each in compare_all(str(cell))] == ["same", "same"]
     assert '"status": "infeasible"' in (cell / "golden" / "never.json").read_text()
 
@@ -50,7 +50,7 @@ def test_an_unsolvable_problem_has_a_golden_answer_too(cell: Path) -> None:
 def test_a_golden_file_without_a_problem_is_an_orphan_and_is_removed(cell: Path) -> None:
     shutil.copy(cell / "golden" / "two_items.json", cell / "golden" / "old.json")
     orphan = next(each for each in compare_all(str(cell)) if each.verdict == "orphan")
-    update(orphan)
+    accept_answer(orphan)
     assert not (cell / "golden" / "old.json").exists()
 
 

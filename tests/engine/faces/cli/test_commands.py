@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cellwright.engine.authoring.starter import create
+from cellwright.engine.authoring.starter import create_domain
 from cellwright.engine.faces.cli import app
 
 run = CliRunner().invoke
@@ -69,7 +69,7 @@ def test_a_target_that_does_not_exist_is_bad_input(command: str) -> None:
 
 
 def test_a_broken_file_is_reported_on_standard_error_with_its_place(tmp_path: Path) -> None:
-    create(tmp_path / "cell")
+    create_domain(tmp_path / "cell")
     domain = tmp_path / "cell" / "domain.yaml"
     domain.write_text(domain.read_text().replace("position(Bin, open)", "positoin(Bin, open)"))
     result = run(app, ["check", str(tmp_path / "cell")])
@@ -90,7 +90,7 @@ def test_internal_errors_exit_with_70_and_no_traceback(monkeypatch: pytest.Monke
     def broken(*_: object) -> None:
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr("cellwright.engine.pipelines.planning.problem_of", broken)
+    monkeypatch.setattr("cellwright.engine.pipelines.planning.checked_plan.problem_of", broken)
     result = run(app, ["plan", "bulkhead/one_point"])
     assert result.exit_code == 70, result.output
     assert "internal error: RuntimeError: a bug" in result.stderr

@@ -10,12 +10,12 @@ from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
 from cellwright.engine.formats.interop.range_files import read_ranges, write_ranges
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.rigid import translation
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.ranging import RangeImage, picture_of
-from cellwright.engine.stages.vision.ranging import expected, resolved, scanned
+from cellwright.engine.model.vision import RangeImage, picture_of
+from cellwright.engine.stages.vision.sensor_images import expected_ranges, resolve_ranges, scan_solids
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.ranging import Ranging
+from cellwright.kb.model.cell_model import Ranging
 from tests.engine.stages.solids import block
 
 TOOL = Ranging("laser", 48, 48, float(np.radians(8)), 0.3, 5e-5, 0.5, 0.0024, 0.0001)
@@ -33,7 +33,7 @@ def run(*command: str | Path) -> tuple[int, str]:
 
 @pytest.fixture(scope="module")
 def image(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    found = resolved(scanned(STEPPED, TOOL, 1), expected(STEPPED, TOOL), 0.002)
+    found = resolve_ranges(scan_solids(STEPPED, TOOL, 1), expected_ranges(STEPPED, TOOL), 0.002)
     assert isinstance(found, RangeImage)
     path = tmp_path_factory.mktemp("ranges") / "step.npz"
     write_ranges(path, found)
@@ -59,7 +59,7 @@ def test_an_image_is_read_as_it_was_written(image: Path, tmp_path: Path) -> None
 @pytest.fixture(scope="module")
 def wrapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("ranges") / "wrapped.npz"
-    write_ranges(path, scanned(STEPPED, TOOL, 1))
+    write_ranges(path, scan_solids(STEPPED, TOOL, 1))
     return path
 
 

@@ -13,10 +13,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from cellwright.engine.authoring.starter import create
-from cellwright.engine.faces.cli import app, completion, slow
-from cellwright.engine.faces.cli.purposes import OPTIONS_FOR, VERBS_FOR, first_sentence
-from cellwright.engine.faces.cli.verbs import VERBS
+from cellwright.engine.authoring.starter import create_domain
+from cellwright.engine.faces.cli import app
+from cellwright.engine.faces.cli.options import shared_options
+from cellwright.engine.faces.cli.process import progress_line
+from cellwright.engine.faces.cli.typer_application import OPTIONS_FOR, VERBS_FOR, first_sentence
+from cellwright.engine.faces.cli.verb_table import VERBS
 from tests.places import TOP
 
 PROGRAM = typer.main.get_command(app)
@@ -82,7 +84,7 @@ def test_a_list_of_commands_tells_one_sentence_of_each() -> None:
 
 
 def test_what_is_said_of_getting_less_is_an_option_of_that_command() -> None:
-    for verb, (_, less) in slow.DOING.items():
+    for verb, (_, less) in progress_line.DOING.items():
         known = {option for each in EVERY[tuple(verb.split())].params for option in each.opts}
         if not known - {"--help"}:
             continue
@@ -95,20 +97,28 @@ def test_targets_are_completed_with_names_and_files(tmp_path: Path, monkeypatch:
     (tmp_path / "bulk.yaml").touch()
     (tmp_path / "bulk.txt").touch()
     (tmp_path / "bulks").mkdir()
-    assert set(completion.targets("bulk")) >= {"bulkhead", "bulkhead/one_point", "bulk.yaml", "bulks/"}
-    assert "bulk.txt" not in completion.targets("bulk")
-    assert completion.targets("bulkhead/tw") == ["bulkhead/twelve_points", "bulkhead/two_contacts"]
-    assert completion.targets("nowhere/") == []
-    assert completion.devices("furnace,bal") == ["furnace,balance"]
-    assert "handey/five" in completion.scenes("handey/f")
+    assert set(shared_options.complete_targets("bulk")) >= {
+        "bulkhead",
+        "bulkhead/one_point",
+        "bulk.yaml",
+        "bulks/",
+    }
+    assert "bulk.txt" not in shared_options.complete_targets("bulk")
+    assert shared_options.complete_targets("bulkhead/tw") == [
+        "bulkhead/twelve_points",
+        "bulkhead/two_contacts",
+    ]
+    assert shared_options.complete_targets("nowhere/") == []
+    assert shared_options.complete_devices("furnace,bal") == ["furnace,balance"]
+    assert "handey/five" in shared_options.complete_scenes("handey/f")
 
 
 def test_runs_are_completed_from_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert completion.runs("o") == []
+    assert shared_options.complete_runs("o") == []
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
     (tmp_path / "file").touch()
-    assert completion.runs("o") == []
+    assert shared_options.complete_runs("o") == []
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -138,8 +148,8 @@ def test_a_shell_completes_problems(shell: str, tmp_path: Path) -> None:
 @pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     found: list[str] = []
-    monkeypatch.setattr(slow, "_write", found.append)
-    monkeypatch.setattr(slow, "PACE_S", 0.01)
+    monkeypatch.setattr(progress_line, "_write_unbuffered", found.append)
+    monkeypatch.setattr(progress_line, "PACE_S", 0.01)
     return found
 
 
@@ -151,7 +161,7 @@ def await_line(written: list[str]) -> None:
 
 
 def test_a_slow_command_says_what_it_does_and_takes_the_line_away(written: list[str]) -> None:
-    line = slow.Line("plan", patience_s=0.0)
+    line = progress_line.ProgressLine("plan", patience_s=0.0)
     line.start()
     await_line(written)
     assert written[0].startswith("\rplanning, 0 s; Ctrl-C stops")
@@ -168,25 +178,28 @@ def test_a_slow_command_says_what_it_does_and_takes_the_line_away(written: list[
 
 
 def test_a_quick_command_says_nothing(written: list[str]) -> None:
-    line = slow.Line("plan")
+    line = progress_line.ProgressLine("plan")
     line.start()
     line.end()
     assert written == []
 
 
 def test_the_line_fits_on_the_terminal() -> None:
-    line = slow.Line("plan")
+    line = progress_line.ProgressLine("plan")
     line.news = ", best cost 12"
     assert "best cost 12" in line.text(200)
-    assert all(len(slow.Line(verb).text(80)) < 80 for verb in (*slow.DOING, "store check", "other"))
+    assert all(
+        len(progress_line.ProgressLine(verb).text(80)) < 80
+        for verb in (*progress_line.DOING, "store check", "other")
+    )
 
 
 def test_nothing_is_shown_in_a_pipe(written: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(slow, "_is_terminal", lambda: False)
-    with slow.shown("plan"):
-        slow.tell("more")
-        slow.answered()
-        with slow.hushed():
+    monkeypatch.setattr(progress_line, "_is_terminal", lambda: False)
+    with progress_line.showing_progress("plan"):
+        progress_line.tell_progress("more")
+        progress_line.clear_progress()
+        with progress_line.hushing_progress():
             pass
     assert written == []
 
@@ -250,7 +263,7 @@ def test_files_of_other_systems_tell_which_command_takes_them(tmp_path: Path, na
 
 
 def test_what_has_no_accepted_answer_tells_how_to_accept_it(tmp_path: Path) -> None:
-    create(tmp_path / "cell")
+    create_domain(tmp_path / "cell")
     for each in (tmp_path / "cell" / "golden").iterdir():
         each.unlink()
     result = CliRunner().invoke(app, ["test", str(tmp_path / "cell")])

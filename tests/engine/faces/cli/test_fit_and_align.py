@@ -8,12 +8,12 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.formats.interop.results import ResultForm, written
-from cellwright.engine.kernels.rigid import transform, turned
-from cellwright.engine.model.measurement import MeasurementPoint
-from cellwright.engine.pipelines.points import points
+from cellwright.engine.formats.interop.results import ResultForm, write_results
+from cellwright.engine.kernels.rigid import rotation_by_vector, transform
+from cellwright.engine.model.part_measurements import MeasurementPoint
+from cellwright.engine.pipelines.inspection.measurement_points import points_of_problem
 from cellwright.kb.loader import load
-from cellwright.kb.model.results import Measured, Results
+from cellwright.kb.model.measured_results import Measured, Results
 from tests.places import BUNDLED
 
 SHIFT = np.array([0.004, -0.007, 0.012])
@@ -34,7 +34,7 @@ def job(tmp_path: Path) -> Path:
         "objects: {measurement: [m0..m17]}",
         "statics:",
     ]
-    random, T, measured = np.random.default_rng(3), transform(turned(TURN), SHIFT), []
+    random, T, measured = np.random.default_rng(3), transform(rotation_by_vector(TURN), SHIFT), []
     for number in range(18):
         axis = number % 3
         place = np.round(random.uniform(-0.8, 0.8, 3), 3)
@@ -47,7 +47,7 @@ def job(tmp_path: Path) -> Path:
         off += random.normal(0.0, 2e-5) + (0.003 if number == 5 else 0.0)
         measured.append(Measured(f"m{number}", "profile", round(1e6 * off), "um"))
     (tmp_path / "job.yaml").write_text("\n".join([*text, "goals: []  # none yet", ""]))
-    (tmp_path / "results.json").write_text(written(Results("r", "", tuple(measured)), ResultForm.JSON))
+    (tmp_path / "results.json").write_text(write_results(Results("r", "", tuple(measured)), ResultForm.JSON))
     return tmp_path
 
 
@@ -59,7 +59,7 @@ def test_a_part_is_found_and_its_points_are_moved(job: Path) -> None:
     assert "17 of 18 datums agree" in said
     assert "m5 is wrong" in said
     before, after = (_points(job / name) for name in ("job.yaml", "moved.yaml"))
-    R = turned(TURN)
+    R = rotation_by_vector(TURN)
     for one, other in zip(before, after, strict=True):
         assert other.position == pytest.approx(R @ np.array(one.position) + SHIFT, abs=1e-4)
         assert other.normal == pytest.approx(R @ np.array(one.normal), abs=2e-3)
@@ -78,7 +78,7 @@ def test_the_moved_problem_finds_its_domain_from_another_folder(job: Path, named
     problem = load(there).problem
     assert problem is not None
     assert Path(problem.domain.path).resolve() == (job / "cell" / "domain.yaml").resolve()
-    assert len(points(problem)) == 18
+    assert len(points_of_problem(problem)) == 18
     assert [each.name for each in there.parent.iterdir()] == ["moved.yaml"]
 
 
@@ -96,7 +96,7 @@ def test_a_file_that_is_there_is_kept_if_the_moved_problem_cannot_be_written(job
 
 def test_a_value_beyond_all_measure_is_refused(job: Path) -> None:
     measured = (Measured("m0", "profile", 1e300, "um"),)
-    (job / "results.json").write_text(written(Results("r", "", measured), ResultForm.JSON))
+    (job / "results.json").write_text(write_results(Results("r", "", measured), ResultForm.JSON))
     code, said = run("align", job / "job.yaml", job / "results.json")
     assert code == 2
     assert "m0 is farther than" in said
@@ -113,7 +113,7 @@ def test_the_problem_that_was_run_is_not_replaced_by_the_moved_one(job: Path) ->
 def _points(file: Path) -> list[MeasurementPoint]:
     problem = load(file).problem
     assert problem is not None
-    return points(problem)
+    return points_of_problem(problem)
 
 
 def test_an_alignment_that_is_not_sure_enough_is_refused(job: Path) -> None:

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cellwright.engine.authoring.starter import create
+from cellwright.engine.authoring.starter import create_domain
 from cellwright.engine.faces.cli import app
-from cellwright.engine.faces.cli.verbs import VERBS
+from cellwright.engine.faces.cli.verb_table import VERBS
 from tests.places import TOP
 
 OURS = ("cellwright", "domains", "engine", "kb")
@@ -70,7 +70,7 @@ REFUSED = {
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder with the files of all jobs; no run goes on anywhere."""
     folder = tmp_path_factory.mktemp("desks") / "desk"
-    create(folder / "mine")
+    create_domain(folder / "mine")
     (folder / "square.tsp").write_text(SQUARE)
     (folder / "points.csv").write_text("name,x,y,z,nx,ny,nz\na,0,0,0,0,0,1\nb,9,0,0,0,0,1\n")
     plan = ("plan", "bulkhead/one_point", "--store", str(folder / "known.db"), "--format", "json")

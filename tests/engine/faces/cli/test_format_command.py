@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.kb.targets import BUNDLED
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
 UNUSUAL = "domain: d\ntypes:\n    place: object   # where\n"
 USUAL = "domain: d\ntypes:\n  place: object     # where\n"
@@ -80,5 +80,5 @@ def test_json(file: Path) -> None:
 
 
 def test_the_domains_that_we_ship_have_their_usual_form(tmp_path: Path) -> None:
-    shutil.copytree(BUNDLED / "themse", tmp_path / "themse")
+    shutil.copytree(BUNDLED_DOMAINS / "themse", tmp_path / "themse")
     assert run(str(tmp_path / "themse"), "--check")[0] == 0

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from cellwright.engine.faces.cli.kept_code import KeptCode, keep_patterns
+from cellwright.engine.faces.cli.bytecode_cache import KeptCode, keep_patterns
 
 SETTINGS = [
     {"frozen": True, "slots": True},

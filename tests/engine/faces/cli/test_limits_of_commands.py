@@ -88,8 +88,8 @@ def test_a_problem_that_needs_no_grounding_keeps_its_answer(cell: Path) -> None:
 
 IN_A_CALLBACK = """
 import time, weakref
-from cellwright.engine.faces.cli import watchdog
-from cellwright.kb.stopping import Stopped
+from cellwright.engine.faces.cli.process import process_limits
+from cellwright.kb.stopping import StoppedByCaller
 
 class Module: pass
 
@@ -99,16 +99,16 @@ def busy(seconds):
         pass
 
 LATE
-watchdog.own_process()
-with watchdog.watching(0.1, None):
-    watchdog.current().asked = True
+process_limits.own_process()
+with process_limits.watching_command(0.1, None):
+    process_limits.current_watch().asked = True
     module = Module()
     watched = weakref.ref(module, lambda _: busy(0.5))
     del module  # the time is over while Python runs the callback, and Python passes no exception on from there
     try:
         busy(0.5)
         print("went on")
-    except Stopped:
+    except StoppedByCaller:
         print("stopped")
 """
 
@@ -153,8 +153,8 @@ def test_what_fails_after_ctrl_c_fails_because_of_it() -> None:
     """A library that is half loaded when Ctrl-C comes may raise anything."""
     script = """
 import signal
-from cellwright.engine.faces.cli.answers import Form, give
-from cellwright.engine.faces.cli.watchdog import own_process, watching
+from cellwright.engine.faces.cli.output.answer_output import AnswerForm, give_answer
+from cellwright.engine.faces.cli.process.process_limits import own_process, watching_command
 
 def work():
     try:
@@ -164,8 +164,8 @@ def work():
 
 own_process()
 try:
-    with watching(None, None):
-        give(work, Form.TEXT)
+    with watching_command(None, None):
+        give_answer(work, AnswerForm.TEXT)
 except Exception as end:
     raise SystemExit(end.exit_code)
 """
@@ -183,9 +183,9 @@ def test_a_command_ends_at_once_and_leaves_its_library_closed(tmp_path: Path) ->
 
 LEFT_AT_WORK = """
 import sys, threading, time
-from cellwright.engine.faces.cli.ending import leave
+from cellwright.engine.faces.cli.output.answer_output import leave_process
 threading.Thread(target=time.sleep, args=(1.5,)).start()
-leave(int(sys.argv[1]))
+leave_process(int(sys.argv[1]))
 print("it waits")
 """
 

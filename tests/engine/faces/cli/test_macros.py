@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from cellwright.engine.authoring.starter import create
+from cellwright.engine.authoring.starter import create_domain
 from cellwright.engine.faces.cli import app
-from cellwright.engine.pipelines.preparation.problem import work
-from cellwright.engine.pipelines.preparation.results import PreparationJob
-from cellwright.engine.pipelines.units import Drafted
-from cellwright.engine.pipelines.units.content import content
+from cellwright.engine.pipelines.jobs import DraftedResult
+from cellwright.engine.pipelines.jobs.input_digests import content_digest
+from cellwright.engine.pipelines.precompute.preparation_results import PreparationJob
+from cellwright.engine.pipelines.precompute.problem_preparation import prepare_problem
 from tests.places import BUNDLED
 
 BULKHEAD = BUNDLED / "bulkhead"
@@ -116,7 +116,7 @@ def test_forgetting_by_number(store: str) -> None:
 
 
 def test_an_edited_domain_makes_exactly_its_macrops_stale(store: str, tmp_path: Path) -> None:
-    create(tmp_path / "mine")
+    create_domain(tmp_path / "mine")
     domain, other = tmp_path / "mine" / "domain.yaml", str(tmp_path / "mine")
     answer("prepare", other, "--store", store, "--jobs", "1")
     answer("plan", "bulkhead/one_point", "--store", store)
@@ -138,7 +138,7 @@ def test_an_edited_domain_makes_exactly_its_macrops_stale(store: str, tmp_path: 
 
 @pytest.mark.slow
 def test_what_was_prepared_is_looked_up(store: str, tmp_path: Path) -> None:
-    create(tmp_path / "mine")
+    create_domain(tmp_path / "mine")
     origins = [
         {
             each["origin"]
@@ -174,10 +174,10 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
 def test_measurements_that_are_too_many_to_be_planned_at_once_are_prepared_one_after_another(
     store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.preparation.problem.LARGE", 100)
+    monkeypatch.setattr("cellwright.engine.pipelines.precompute.problem_preparation.LARGE", 100)
     problem = BULKHEAD / "problems" / "twelve_points.yaml"
-    made = work(PreparationJob(problem, store, 100_000, 0, content(problem)), lambda: False)
-    assert isinstance(made, Drafted)
+    made = prepare_problem(PreparationJob(problem, store, 100_000, 0, content_digest(problem)), lambda: False)
+    assert isinstance(made, DraftedResult)
     found = made.settled()
     assert (found.status, found.origin) == ("found", "sequence")
 
@@ -209,7 +209,7 @@ def test_problems_without_tools_to_choose_have_no_sequence(store: str) -> None:
 
 
 def test_a_broken_problem_is_told_and_the_others_are_prepared(store: str, tmp_path: Path) -> None:
-    create(tmp_path / "mine")
+    create_domain(tmp_path / "mine")
     (tmp_path / "mine" / "problems" / "zz_broken.yaml").write_text("problem: zz\ndomain: nowhere\n")
     code, found = answer("prepare", str(tmp_path / "mine"), "--store", store, "--jobs", "1")
     statuses = [each["status"] for each in found["problems"]]

@@ -220,7 +220,7 @@ def test_ctrl_c_while_modules_are_loaded_ends_the_process_without_a_word(argumen
         "import os, signal, sys\n"
         "class Interrupting:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'cellwright.engine.faces.cli.command': os.kill(os.getpid(), signal.SIGINT)\n"
+        "        if name == 'cellwright.engine.faces.cli.invocation': os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Interrupting())\n"
         "from cellwright.engine.faces.cli import main\n"
         "main()\n"

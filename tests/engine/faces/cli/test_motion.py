@@ -77,10 +77,10 @@ def test_an_output_without_a_picture_is_refused() -> None:
 def test_a_motion_in_a_cell_imports_no_solver_and_reads_no_domain() -> None:
     words = "motion plan bulkhead --from home --to home"
     code = f"import sys; sys.argv = ['cellwright', *{words.split()}]\n"
-    code += "from cellwright.engine.faces.cli.application import app\n"
+    code += "from cellwright.engine.faces.cli.typer_application import app\n"
     code += "try: app()\n"
     code += "except SystemExit: pass\n"
-    code += "print([name for name in ('clingo', 'cellwright.kb.loader.domain', 'numpy.ma', 'networkx') if name in sys.modules])"
+    code += "print([name for name in ('clingo', 'cellwright.kb.loader.domain_file', 'numpy.ma', 'networkx') if name in sys.modules])"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.splitlines()[-1] == "[]"
 

@@ -87,7 +87,7 @@ def test_without_ends_or_problems_nothing_is_planned() -> None:
 
 
 def test_ends_are_shown_with_four_digits() -> None:
-    from cellwright.engine.formats.report.motion_tables import _short
+    from cellwright.engine.formats.report.cells.motion_tables import _short_end
 
-    assert _short("t3: -84.2873195073, 0.1234567, 90") == "t3: -84.29, 0.1235, 90"
-    assert _short("rack(slra)") == "rack(slra)"
+    assert _short_end("t3: -84.2873195073, 0.1234567, 90") == "t3: -84.29, 0.1235, 90"
+    assert _short_end("rack(slra)") == "rack(slra)"

@@ -8,11 +8,10 @@ from typing import Any
 import pytest
 import typer.testing
 
-from cellwright.engine.faces.cli import limited
-from cellwright.engine.faces.cli.application import app
-from cellwright.engine.faces.cli.limited import parameters
-from cellwright.engine.faces.cli.plain_lines import _Place, _Unusual, plain_call, read
-from cellwright.engine.faces.cli.verbs import VERBS, is_group, verb
+from cellwright.engine.faces.cli import verb_table
+from cellwright.engine.faces.cli.plain_line_parser import _Place, _Unusual, plain_call, read
+from cellwright.engine.faces.cli.typer_application import app
+from cellwright.engine.faces.cli.verb_table import VERBS, is_group, load_verb, verb_parameters
 
 ALONE = [name for name in VERBS if not is_group(name)]
 WORDS = (
@@ -52,7 +51,7 @@ MISTAKES = (
 def taken(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, list[str]], dict[str, Any] | None]:
     """What typer takes from a command line; None if it refuses it or prints help."""
     calls: list[dict[str, Any]] = []
-    monkeypatch.setattr(limited, "run_limited", lambda _verb, _name, options: calls.append(dict(options)))
+    monkeypatch.setattr(verb_table, "run_limited", lambda _verb, _name, options: calls.append(dict(options)))
 
     def read_by_typer(name: str, words: list[str]) -> dict[str, Any] | None:
         calls.clear()
@@ -71,7 +70,7 @@ def test_a_line_that_is_read_without_typer_is_read_as_typer_reads_it(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "x").write_text("")
-    chosen, wanted = random.Random(f"lines of {name}"), parameters(verb(name))
+    chosen, wanted = random.Random(f"lines of {name}"), verb_parameters(load_verb(name))
     plain = 0
     for _ in range(60):
         words = _line(chosen, wanted)

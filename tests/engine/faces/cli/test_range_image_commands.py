@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cellwright.engine.faces.cli import app, exits
+from cellwright.engine.faces.cli import app
+from cellwright.engine.faces.cli.process import exit_codes
 from cellwright.engine.formats.interop.range_files import read_ranges, write_ranges
 
 PATCH = "face=plane:100,100,150,150"
@@ -37,7 +38,7 @@ def test_the_image_that_a_tool_took_is_resolved_and_measured(tmp_path: Path) -> 
     other = read_ranges(Path(whole))
     write_ranges(Path(made), replace(other, tool=replace(other.tool, noise_m=1e-4)))
     code, said = told("image", "bulkhead/twelve_points", "m4", "--from", made)
-    assert code == exits.BAD_INPUT
+    assert code == exit_codes.BAD_INPUT
     assert "another tool than slra of this cell has taken the image" in said
 
 
@@ -54,7 +55,7 @@ def depth_of(file: str, folder: Path) -> Path:
 )
 def test_options_of_images_that_contradict_each_other_are_a_misuse(words: tuple[str, ...], said: str) -> None:
     code, output = told("image", "bulkhead/twelve_points", "m4", *words)
-    assert code == exits.BAD_INPUT
+    assert code == exit_codes.BAD_INPUT
     assert said in output
 
 
@@ -82,13 +83,13 @@ def test_what_is_none_of_the_parts_that_are_looked_for_is_told(tmp_path: Path) -
     empty = tmp_path / "empty.npy"
     np.save(empty, np.full((480, 640), 1.0))
     code, said = told("recognise", "--scene", "handey", "--part", "angle", "--image", str(empty))
-    assert code == exits.FINDINGS
+    assert code == exit_codes.FINDINGS
     assert "angle is not found: nothing that is left in the image" in said
 
 
 def test_a_part_that_a_scene_has_not_is_not_recognised() -> None:
     code, said = told("recognise", "--scene", "handey", "--part", "slap")
-    assert code == exits.BAD_INPUT
+    assert code == exit_codes.BAD_INPUT
     assert "K101: unknown part 'slap'" in said
 
 
@@ -115,7 +116,7 @@ def test_an_image_that_was_written_is_measured(tmp_path: Path) -> None:
 )
 def test_no_image_is_made_of_what_no_ranging_tool_takes(target: str, name: str, said: str) -> None:
     code, output = told("image", target, name)
-    assert code == exits.BAD_INPUT
+    assert code == exit_codes.BAD_INPUT
     assert said in output
 
 
@@ -134,7 +135,7 @@ def test_a_file_that_is_no_range_image_is_refused(
     if content is not None:
         path.write_bytes(content)
     code, output = told("dimensions", str(path), "--patch", PATCH)
-    assert code == exits.BAD_INPUT
+    assert code == exit_codes.BAD_INPUT
     assert said in output
 
 
@@ -149,5 +150,5 @@ def test_a_file_that_is_no_range_image_is_refused(
 )
 def test_a_patch_that_means_nothing_is_a_misuse(words: tuple[str, ...]) -> None:
     code, output = told("dimensions", "image.npz", *words)
-    assert code == exits.BAD_INPUT
+    assert code == exit_codes.BAD_INPUT
     assert "--patch" in output or "--between" in output

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cellwright.engine.faces.cli import app, terminal
-from cellwright.engine.formats.report import dot
-from cellwright.kb.diagnostics import Diagnostic, Source, escaped
-from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.engine.faces.cli import app
+from cellwright.engine.faces.cli.output import terminal_console
+from cellwright.engine.formats.report.drawing import dot_graphs
+from cellwright.kb.diagnostics import Diagnostic, Source, escape_controls
+from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.terms import Function, Text
 
 EVIL = "a\x1b[31m\x9b1m\u202eb\x07\r\x7f\u2066"
@@ -22,27 +23,27 @@ def is_clean(text: str) -> bool:
 
 
 def test_commands_are_shown_and_everything_else_stays() -> None:
-    assert escaped("\x1b[1m") == "\\u001b[1m"
+    assert escape_controls("\x1b[1m") == "\\u001b[1m"
     for each in ("plain", "ä ß 日本", "two\nlines\tand tabs", "a\r\nb", "\U0001f600"):
-        assert escaped(each) == each
+        assert escape_controls(each) == each
 
 
 def test_json_stays_the_same_text() -> None:
-    written = escaped(json.dumps({EVIL: "\u2028\x85"}, ensure_ascii=False))
+    written = escape_controls(json.dumps({EVIL: "\u2028\x85"}, ensure_ascii=False))
     assert is_clean(written)
     assert json.loads(written) == {EVIL: "\u2028\x85"}
 
 
 def test_a_console_shows_what_would_command_it() -> None:
     out = io.StringIO()
-    terminal.console(file=out, width=200).print(f"x {EVIL} y", markup=False)
+    terminal_console.make_console(file=out, width=200).print(f"x {EVIL} y", markup=False)
     assert is_clean(out.getvalue())
     assert "\\u001b" in out.getvalue()
 
 
 def test_colours_of_our_own_stay() -> None:
     out = io.StringIO()
-    terminal.console(file=out, force_terminal=True).print("[red]x[/]")
+    terminal_console.make_console(file=out, force_terminal=True).print("[red]x[/]")
     assert "\x1b[31m" in out.getvalue()
 
 
@@ -52,7 +53,7 @@ def test_diagnostics_show_them() -> None:
 
 def test_graphs_show_them() -> None:
     plan = Plan((Step(StepId(1), Function("act", (Text(EVIL),))),))
-    drawn = dot.plan(plan)
+    drawn = dot_graphs.plan_dot(plan)
     assert is_clean(drawn)
     assert "\\\\u001b" in drawn
 

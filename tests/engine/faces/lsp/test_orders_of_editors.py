@@ -10,8 +10,8 @@ pytest.importorskip("pygls")
 
 from pygls.lsp.server import LanguageServer
 
-from cellwright.engine.faces.lsp import orders
-from cellwright.engine.faces.lsp.desk import Desk
+from cellwright.engine.faces.lsp import code_lenses
+from cellwright.engine.faces.lsp.open_files import OpenFiles
 
 
 class Progress:
@@ -33,20 +33,22 @@ class Progress:
 
 
 def test_every_order_has_a_token_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def ran(_s: LanguageServer, arguments: list[str], _d: Desk, token: str) -> tuple[int, str]:
+    async def ran(_s: LanguageServer, arguments: list[str], _d: OpenFiles, token: str) -> tuple[int, str]:
         return 0, f"{arguments[0]} {token}"
 
     async def told(*_: Any) -> None:
         return None
 
-    monkeypatch.setattr(orders, "_ran", ran)
-    monkeypatch.setattr(orders, "_tell", told)
+    monkeypatch.setattr(code_lenses, "_run_command", ran)
+    monkeypatch.setattr(code_lenses, "_show_output", told)
     progress = Progress()
     window = SimpleNamespace(work_done_progress=True, show_document=None)
     server: Any = SimpleNamespace(
         work_done_progress=progress, client_capabilities=SimpleNamespace(window=window)
     )
     for _ in range(50):
-        asyncio.run(orders.carry_out(server, Desk(), "cellwright.check", "file:///cell/domain.yaml"))
+        asyncio.run(
+            code_lenses.run_lens_command(server, OpenFiles(), "cellwright.check", "file:///cell/domain.yaml")
+        )
     assert progress.ended == progress.tokens
     assert len(progress.tokens) == 50

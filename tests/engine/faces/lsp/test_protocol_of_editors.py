@@ -16,7 +16,7 @@ import pytest
 
 pytest.importorskip("pygls")
 
-from cellwright.kb.targets import BUNDLED
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
 TOP = Path(__file__).parents[4]
 COMMAND = [sys.executable, "-c", "from cellwright.engine.faces.cli import main; main()", "lsp", "--stdio"]
@@ -100,7 +100,7 @@ class Editor:
 @pytest.fixture(scope="module")
 def editor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Editor]:
     root = tmp_path_factory.mktemp("editor")
-    shutil.copytree(BUNDLED / "themse", root / "themse")
+    shutil.copytree(BUNDLED_DOMAINS / "themse", root / "themse")
     made = Editor(root / "themse", root / "log.txt")
     yield made
     if made.process.poll() is None:

@@ -4,19 +4,19 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from cellwright.engine.faces.monitor.following import Watched
-from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.faces.monitor.run_follower import WatchedRun
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 
 CRATE = {"at": [0.5, 0.0, 0.2], "rpy": [0.0, 0.0, 0.0], "box": [0.06, 0.06, 0.4]}
 
 
-def world(number: int, **bodies: dict[str, list[float]] | None) -> Record:
+def world(number: int, **bodies: dict[str, list[float]] | None) -> JournalRecord:
     content = {"why": "seen", "adds": [], "ends": [], "reached": {}, "bodies": bodies}
-    return Record(number, 0, RecordKind.WORLD, content)
+    return JournalRecord(number, 0, RecordKind.WORLD, content)
 
 
 def test_a_body_is_met_until_a_fact_says_where_it_is() -> None:
-    run = Watched("r")
+    run = WatchedRun("r")
     run.take(world(1, crate=CRATE))
     before = run.copied()
     assert run.met == {"crate": CRATE}
@@ -26,7 +26,7 @@ def test_a_body_is_met_until_a_fact_says_where_it_is() -> None:
 
 
 def test_a_step_that_was_stopped_is_known() -> None:
-    run = Watched("r")
+    run = WatchedRun("r")
     for number, text in ((4, "obstructed"), (5, "done")):
-        run.take(Record(number, 0, RecordKind.REPLY, {"command": number, "text": text, "data": {}}))
+        run.take(JournalRecord(number, 0, RecordKind.REPLY, {"command": number, "text": text, "data": {}}))
     assert run.stopped == {4}

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.faces.monitor.charts import belief_chart
-from cellwright.engine.faces.monitor.choosing import mentions, related, steps_of, told_of
-from cellwright.engine.faces.monitor.following import Watched
-from cellwright.engine.faces.monitor.jobs import shown
-from cellwright.engine.faces.monitor.shared import Shared
-from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.faces.monitor.chosen_item import names_any, related_texts, steps_of, told_of
+from cellwright.engine.faces.monitor.run_charts import belief_chart
+from cellwright.engine.faces.monitor.run_follower import WatchedRun
+from cellwright.engine.faces.monitor.shared_state import SharedState, terminal_text
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 
 PLAN = {
     "why": "first", "forecast_ms": 9, "goals": ["hot(a)"], "given_up": [], "order": [1, 2],
@@ -21,27 +20,27 @@ PLAN = {
 
 
 @pytest.fixture
-def run() -> Watched:
-    made = Watched("monday", holds={"free": 0})
-    made.take(Record(1, 0, RecordKind.PLAN, PLAN))
+def run() -> WatchedRun:
+    made = WatchedRun("monday", holds={"free": 0})
+    made.take(JournalRecord(1, 0, RecordKind.PLAN, PLAN))
     return made
 
 
-def test_a_step_brings_its_facts_along_and_a_fact_its_steps(run: Watched) -> None:
-    assert related(run, "pick(a)") == {"pick(a)", "held(a)", "free"}
-    assert related(run, "held(a)") == {"held(a)", "pick(a)"}
-    assert related(run, "") == frozenset()
+def test_a_step_brings_its_facts_along_and_a_fact_its_steps(run: WatchedRun) -> None:
+    assert related_texts(run, "pick(a)") == {"pick(a)", "held(a)", "free"}
+    assert related_texts(run, "held(a)") == {"held(a)", "pick(a)"}
+    assert related_texts(run, "") == frozenset()
     assert steps_of(run, "a") == {"pick(a)", "heat(a)"}
     assert steps_of(run, "hot(a)") == {"heat(a)"}
 
 
 def test_a_name_is_found_as_a_whole_word_only() -> None:
-    assert mentions(["probe_1"], ["pick(probe_1, slot)"])
-    assert not mentions(["probe_1"], ["pick(probe_12, slot)"])
-    assert not mentions(["a"], ["heat(ab)"])
+    assert names_any(["probe_1"], ["pick(probe_1, slot)"])
+    assert not names_any(["probe_1"], ["pick(probe_12, slot)"])
+    assert not names_any(["a"], ["heat(ab)"])
 
 
-def test_a_choice_is_told(run: Watched) -> None:
+def test_a_choice_is_told(run: WatchedRun) -> None:
     assert "waits for: pick(a)" in told_of(run, "heat(a)")
     assert told_of(run, "pick(a)")[0] == "step 1, planned, begins 0 s"
     assert "brings: hot(a)" in told_of(run, "heat(a)")
@@ -59,12 +58,12 @@ def test_a_choice_is_told(run: Watched) -> None:
     ],
 )
 def test_a_progress_bar_is_shown_as_it_was_written_last(raw: str, seen: str) -> None:
-    assert shown(raw) == seen
+    assert terminal_text(raw) == seen
 
 
 @pytest.mark.parametrize("words", ["", "run themse/one", "results", "sh -c ls", "plan; ls"])
 def test_only_long_work_is_begun(tmp_path: Path, words: str) -> None:
-    shared = Shared(str(tmp_path / "runs.db"))
+    shared = SharedState(str(tmp_path / "runs.db"))
     assert shared.order("k", {"order": "work", "text": words})[0] == 400
     assert not shared.jobs
 
@@ -73,7 +72,7 @@ def test_only_long_work_is_begun(tmp_path: Path, words: str) -> None:
 def test_a_run_starts_with_what_is_asked_for_and_nothing_that_begins_with_a_dash_is_an_option(
     tmp_path: Path,
 ) -> None:
-    shared = Shared(str(tmp_path / "runs.db"))
+    shared = SharedState(str(tmp_path / "runs.db"))
     status, told = shared.order("a", {"order": "start", "target": "--help"})
     assert status == 409
     assert "--help" in told["said"]

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from cellwright.engine.faces.monitor.door import Door, Once
-from cellwright.engine.faces.monitor.shared import Shared
+from cellwright.engine.faces.monitor.access_control import AccessControl, IdempotencyCache
+from cellwright.engine.faces.monitor.shared_state import SharedState
 
 TOKEN = "a-token"
 HOST = "127.0.0.1:8210"
@@ -37,7 +37,7 @@ def asked(
         "query_string": query.encode(),
         "headers": [(name.encode(), value.encode()) for name, value in named.items()],
     }
-    asyncio.run(Door(inner, [HOST], TOKEN, local)(scope, receive, send))
+    asyncio.run(AccessControl(inner, [HOST], TOKEN, local)(scope, receive, send))
     first = sent[0]
     answered = {name.decode(): value.decode() for name, value in first.get("headers", [])}
     return int(first.get("status", first.get("code", 101))), answered
@@ -80,7 +80,7 @@ def test_beyond_this_machine_everything_needs_the_token() -> None:
 
 
 def test_a_request_that_comes_again_changes_nothing() -> None:
-    once, made = Once(), []
+    once, made = IdempotencyCache(), []
     for key in ("a", "a", "b"):
         once.answer(key, lambda: made.append(1))
     assert len(made) == 2
@@ -92,10 +92,10 @@ def test_a_request_that_comes_again_changes_nothing() -> None:
 def test_orders_without_a_key_unknown_ones_and_those_to_nobody_are_refused(
     tmp_path: Path, key: str, order: str, status: int
 ) -> None:
-    shared = Shared(str(tmp_path / "runs.db"))
+    shared = SharedState(str(tmp_path / "runs.db"))
     assert shared.order(key, {"run": "monday", "order": order})[0] == status
 
 
 def test_who_may_only_watch_gives_no_orders(tmp_path: Path) -> None:
-    shared = Shared(str(tmp_path / "runs.db"), read_only=True)
+    shared = SharedState(str(tmp_path / "runs.db"), read_only=True)
     assert shared.order("k", {"run": "monday", "order": "stop"})[0] == 403

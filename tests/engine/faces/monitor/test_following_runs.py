@@ -5,10 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.faces.monitor.charts import gantt, run_chart
-from cellwright.engine.faces.monitor.following import KEPT, Follower, Watched, first_difference, record_of
+from cellwright.engine.faces.monitor.run_charts import gantt_chart, run_chart
+from cellwright.engine.faces.monitor.run_follower import (
+    RECORDS_BETWEEN_STATES,
+    RunFollower,
+    WatchedRun,
+    first_difference,
+    journal_record,
+)
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.store.journal import Journal, JournalLine
 
 PLAN = {
     "why": "first", "forecast_ms": 20_000, "goals": ["hot(a)", "cold(b)"], "given_up": [["cold(b)", "no ice"]],
@@ -20,15 +26,15 @@ PLAN = {
 STEP = {"command_kind": "step", "lasts_ms": 8_000}
 ASK = {"command": 3, "command_kind": "ask", "stream": "person", "action": "?", "asks": True, "lasts_ms": 0}
 LINES = [
-    Line(1, 0, "run", {}),
-    Line(2, 0, "plan", PLAN),
-    Line(3, 0, "command", {**STEP, "command": 1, "stream": "arm", "action": "pick(a)", "step": 1}),
-    Line(4, 9_000, "reply", {"command": 1, "text": "done"}),
-    Line(5, 9_000, "done", {"step": 1, "command": 1, "action": "pick(a)", "started_ms": 0, "adds": ["held(a)"], "ends": ["free"]}),
-    Line(6, 9_000, "result", {"command": 1, "action": "pick(a)", "result": "", "of": "a", "quantity": "mass", "value": 3.0}),
-    Line(7, 9_100, "command", ASK),
-    Line(8, 9_200, "exception", {"exception": "cold", "step": 2, "action": "heat(a)", "reply": "cold", "command": 2}),
-    Line(9, 9_300, "goal", {"goal": "hot(a)"}),
+    JournalLine(1, 0, "run", {}),
+    JournalLine(2, 0, "plan", PLAN),
+    JournalLine(3, 0, "command", {**STEP, "command": 1, "stream": "arm", "action": "pick(a)", "step": 1}),
+    JournalLine(4, 9_000, "reply", {"command": 1, "text": "done"}),
+    JournalLine(5, 9_000, "done", {"step": 1, "command": 1, "action": "pick(a)", "started_ms": 0, "adds": ["held(a)"], "ends": ["free"]}),
+    JournalLine(6, 9_000, "result", {"command": 1, "action": "pick(a)", "result": "", "of": "a", "quantity": "mass", "value": 3.0}),
+    JournalLine(7, 9_100, "command", ASK),
+    JournalLine(8, 9_200, "exception", {"exception": "cold", "step": 2, "action": "heat(a)", "reply": "cold", "command": 2}),
+    JournalLine(9, 9_300, "goal", {"goal": "hot(a)"}),
 ]  # fmt: skip
 
 
@@ -41,7 +47,7 @@ def journal(tmp_path: Path) -> Iterator[Journal]:
 
 def test_a_run_stands_as_its_records_tell(journal: Journal) -> None:
     journal.append("monday", LINES)
-    follower = Follower(journal.target, "monday", ["free", "at(a, table)"])
+    follower = RunFollower(journal.target, "monday", ["free", "at(a, table)"])
     assert follower.refresh() == len(LINES)
     run = follower.latest
     assert run.holds == {"at(a, table)": 0, "held(a)": 5}
@@ -53,36 +59,45 @@ def test_a_run_stands_as_its_records_tell(journal: Journal) -> None:
 
 
 def test_a_run_that_was_approved_is_running_once_it_is_told_to_do_something(journal: Journal) -> None:
-    ready = Line(3, 0, "phase", {"phase": "ready", "why": "waits for approval"})
-    approved = Line(4, 0, "order", {"order": "approve", "given": "", "origin": "socket"})
+    ready = JournalLine(3, 0, "phase", {"phase": "ready", "why": "waits for approval"})
+    approved = JournalLine(4, 0, "order", {"order": "approve", "given": "", "origin": "socket"})
     journal.append("monday", [*LINES[:2], ready, approved])
-    follower = Follower(journal.target, "monday")
+    follower = RunFollower(journal.target, "monday")
     follower.refresh()
     assert follower.latest.phase == "ready"
-    journal.append("monday", [Line(5, 0, "command", LINES[2].content)])
+    journal.append("monday", [JournalLine(5, 0, "command", LINES[2].content)])
     follower.refresh()
     assert follower.latest.phase == "running"
 
 
 def test_going_back_gives_what_was_then(journal: Journal) -> None:
     many = [
-        Line(10 + n, 10_000 + n, "done", {
+        JournalLine(10 + n, 10_000 + n, "done", {
             "step": 1, "command": 1, "action": "pick(a)", "started_ms": 0, "adds": [f"n({n})"], "ends": [f"n({n - 1})"],
         })
-        for n in range(2 * KEPT)
+        for n in range(2 * RECORDS_BETWEEN_STATES)
     ]  # fmt: skip
     journal.append("monday", [*LINES, *many])
-    follower = Follower(journal.target, "monday")
+    follower = RunFollower(journal.target, "monday")
     follower.refresh()
-    for number in (0, 1, 9, KEPT - 1, KEPT, KEPT + 1, 2 * KEPT, len(follower.records)):
-        plain = Watched("monday")
+    for number in (
+        0,
+        1,
+        9,
+        RECORDS_BETWEEN_STATES - 1,
+        RECORDS_BETWEEN_STATES,
+        RECORDS_BETWEEN_STATES + 1,
+        2 * RECORDS_BETWEEN_STATES,
+        len(follower.records),
+    ):
+        plain = WatchedRun("monday")
         for record in follower.records[:number]:
             plain.take(record)
         assert follower.at(number) == plain
 
 
 def test_what_comes_later_is_read_and_nothing_twice(journal: Journal) -> None:
-    follower = Follower(journal.target, "monday")
+    follower = RunFollower(journal.target, "monday")
     counts = []
     for line in LINES:
         journal.append("monday", [line])
@@ -93,15 +108,21 @@ def test_what_comes_later_is_read_and_nothing_twice(journal: Journal) -> None:
 
 def test_an_unknown_run_is_told_with_the_name_that_was_meant(journal: Journal) -> None:
     with pytest.raises(InvalidInput) as refused:
-        Follower(journal.target, "mondy")
+        RunFollower(journal.target, "mondy")
     assert refused.value.diagnostics[0].code == "K421"
     assert "monday" in str(refused.value.diagnostics[0].hint)
 
 
 def test_the_first_difference_of_two_runs_is_found() -> None:
-    records = [record_of(line) for line in LINES]
-    other = [*records[:4], record_of(Line(5, 9_500, "done", {**LINES[4].content, "adds": []})), *records[5:]]
-    later = [record_of(Line(line.number, line.at_ms + 70, line.kind, line.content)) for line in LINES]
+    records = [journal_record(line) for line in LINES]
+    other = [
+        *records[:4],
+        journal_record(JournalLine(5, 9_500, "done", {**LINES[4].content, "adds": []})),
+        *records[5:],
+    ]
+    later = [
+        journal_record(JournalLine(line.number, line.at_ms + 70, line.kind, line.content)) for line in LINES
+    ]
     assert first_difference(records, later) == 0
     assert first_difference(records, other) == 5
     assert first_difference(records, records[:6]) == 7
@@ -109,9 +130,9 @@ def test_the_first_difference_of_two_runs_is_found() -> None:
 
 def test_pictures_show_steps_with_signs_and_escape_names(journal: Journal) -> None:
     journal.append("monday", LINES)
-    follower = Follower(journal.target, "monday")
+    follower = RunFollower(journal.target, "monday")
     follower.refresh()
-    drawn = gantt(follower.latest, 9_300, "pick(a)")
+    drawn = gantt_chart(follower.latest, 9_300, "pick(a)")
     assert "oven &lt;b&gt;" in drawn
     assert "<b>" not in drawn
     assert "✓" in drawn

@@ -4,9 +4,8 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from cellwright.engine.faces.monitor.following import Watched
-from cellwright.engine.faces.monitor.goals import GoalIndex
-from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.faces.monitor.run_follower import GoalIndex, WatchedRun
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 
 GOALS = [
     "measured(_, _, meas(m1))",
@@ -28,7 +27,7 @@ def test_a_fact_meets_the_goals_that_it_is_an_instance_of() -> None:
 
 
 def test_goals_are_reached_as_long_as_some_fact_meets_them() -> None:
-    run = Watched("r")
+    run = WatchedRun("r")
     run.planned({"goals": GOALS, "given_up": [["at(bolt, bin)", "the bin is lost"]]}, record(1))
 
     def stands(goal: str, *, ends: tuple[str, ...] = (), adds: tuple[str, ...] = ()) -> str:
@@ -43,5 +42,5 @@ def test_goals_are_reached_as_long_as_some_fact_meets_them() -> None:
     assert stands("at(bolt, bin)", adds=("at(bolt, bin)",)) == "the bin is lost"
 
 
-def record(number: int) -> Record:
-    return Record(number, 0, RecordKind.WORLD, {})
+def record(number: int) -> JournalRecord:
+    return JournalRecord(number, 0, RecordKind.WORLD, {})

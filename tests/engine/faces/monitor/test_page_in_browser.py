@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellwright.engine.faces.monitor.following import Follower
-from cellwright.engine.pipelines.execution.retracing import Resting, Retracing, world_during
-from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.faces.monitor.run_follower import RunFollower
+from cellwright.engine.pipelines.execution.journal_motions import RestingCell, Retracing, world_during
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.geometry.pictures.stl import poses
+from cellwright.engine.stages.geometry.pictures.viewer_files import body_poses
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.store.journal import Journal, JournalLine
 from tests.engine.faces.monitor.conftest import Serve, at, run_there
 
 pytestmark = pytest.mark.slow
@@ -93,7 +93,7 @@ def test_what_is_chosen_in_one_view_is_marked_in_every_other_one(open_page: Open
 def test_the_net_of_contact_states_is_marked_as_the_run_stands(
     open_page: Open, site: str, store: Path
 ) -> None:
-    follower = Follower(str(store), "tuesday")
+    follower = RunFollower(str(store), "tuesday")
     follower.refresh()
     picked = next(each for each in follower.done(0, len(follower.records)) if "pick(" in each["action"])
     page = open_page(f"{site}/run/tuesday")
@@ -139,11 +139,11 @@ def test_two_runs_are_compared_and_the_first_difference_is_marked(
 
 
 def test_the_arm_in_the_page_is_where_the_journal_puts_it(open_page: Open, site: str, store: Path) -> None:
-    follower = Follower(str(store), "monday")
+    follower = RunFollower(str(store), "monday")
     follower.refresh()
     retracing = Retracing.of(problem_of(TARGET), cell_of(TARGET), geometry_backend())
     steps = [taken for each in follower.records if (taken := retracing.take(each)) is not None]
-    resting = Resting(cell_of(TARGET))
+    resting = RestingCell(cell_of(TARGET))
     page = open_page(f"{site}/run/monday")
     at(page, "tab-cell").click()
     at(page, "motion", has_text="the arm rests").wait_for()
@@ -155,7 +155,7 @@ def test_the_arm_in_the_page_is_where_the_journal_puts_it(open_page: Open, site:
         at(page, "motion", has_text=": 0 %").wait_for()
         page.wait_for_timeout(1000)
         shown = json.loads(at(page, "scene").get_attribute("data-poses"))
-        wanted = poses(world_during(resting, taken, 0.0), names)
+        wanted = body_poses(world_during(resting, taken, 0.0), names)
         for name in names:
             found = np.array(shown[name]).reshape(4, 4).T
             assert found == pytest.approx(wanted[name], abs=1e-5), name
@@ -201,7 +201,7 @@ def test_names_are_never_executed(open_page: Open, serve: Serve, tmp_path: Path)
     kinds = [("run", {}), ("plan", plan), ("command", command), ("exception", failed), ("finding", found), ("result", value), ("world", world)]  # fmt: skip
     with Journal(str(store)) as journal:
         journal.begin(bad, "2026-11-22", {"target": bad})
-        journal.append(bad, [Line(n, n, kind, content) for n, (kind, content) in enumerate(kinds, 1)])
+        journal.append(bad, [JournalLine(n, n, kind, content) for n, (kind, content) in enumerate(kinds, 1)])
     page = open_page(f"{serve(store, tmp_path)}/")
     page.get_by_text(bad).first.click()
     at(page, "title", has_text="<img").wait_for()

@@ -4,27 +4,26 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.faces.monitor.following import Follower
-from cellwright.engine.faces.monitor.playing import Player
-from cellwright.kb.store.journal import Journal, Line
+from cellwright.engine.faces.monitor.run_follower import RunFollower, RunPlayer
+from cellwright.kb.store.journal import Journal, JournalLine
 
 TIMES = (0, 0, 1_000, 5_000, 5_000, 60_000)
 
 
 @pytest.fixture
-def follower(tmp_path: Path) -> Follower:
+def follower(tmp_path: Path) -> RunFollower:
     with Journal(str(tmp_path / "runs.db")) as journal:
         journal.begin("monday", "2026-11-22", {"factor": 0.5})
-        lines = [Line(n, at, "goal", {"goal": f"g({n})"}) for n, at in enumerate(TIMES[:-1], 1)]
+        lines = [JournalLine(n, at, "goal", {"goal": f"g({n})"}) for n, at in enumerate(TIMES[:-1], 1)]
         failed = {"exception": "cold", "step": 1, "action": "heat(a)", "reply": "cold", "command": 2}
-        journal.append("monday", [*lines, Line(len(TIMES), TIMES[-1], "exception", failed)])
-    found = Follower(str(tmp_path / "runs.db"), "monday")
+        journal.append("monday", [*lines, JournalLine(len(TIMES), TIMES[-1], "exception", failed)])
+    found = RunFollower(str(tmp_path / "runs.db"), "monday")
     found.refresh()
     return found
 
 
-def test_live_it_is_at_the_end_and_time_goes_on_as_in_the_cell(follower: Follower) -> None:
-    player = Player(follower)
+def test_live_it_is_at_the_end_and_time_goes_on_as_in_the_cell(follower: RunFollower) -> None:
+    player = RunPlayer(follower)
     player.tick(1000.0)
     assert (player.number, player.clock_ms) == (len(TIMES), 60_000)
     player.tick(1003.0)
@@ -34,8 +33,8 @@ def test_live_it_is_at_the_end_and_time_goes_on_as_in_the_cell(follower: Followe
 
 
 @pytest.mark.parametrize("speed", [1, 10, 1000])
-def test_it_plays_to_the_end_and_back_again(follower: Follower, speed: int) -> None:
-    player, now, seen = Player(follower), 10.0, list[int]()
+def test_it_plays_to_the_end_and_back_again(follower: RunFollower, speed: int) -> None:
+    player, now, seen = RunPlayer(follower), 10.0, list[int]()
     for direction in (speed, -speed):
         player.play(direction)
         player.tick(now)
@@ -49,12 +48,12 @@ def test_it_plays_to_the_end_and_back_again(follower: Follower, speed: int) -> N
     assert seen[top:] == sorted(seen[top:], reverse=True)
 
 
-def test_it_shows_the_records_up_to_its_time(follower: Follower) -> None:
+def test_it_shows_the_records_up_to_its_time(follower: RunFollower) -> None:
     assert [follower.number_at(each) for each in (0, 999, 1_000, 5_000, 1e9)] == [2, 2, 3, 5, 6]
 
 
-def test_it_goes_to_the_exception_and_stands_there(follower: Follower) -> None:
-    player = Player(follower)
+def test_it_goes_to_the_exception_and_stands_there(follower: RunFollower) -> None:
+    player = RunPlayer(follower)
     assert player.to_exception()
     assert (player.number, player.live, player.speed) == (6, False, 0.0)
     player.go_to(99)

@@ -6,7 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellwright.engine.faces.monitor.sheets import Part, Sheets, read_point, verdict, written_point
+from cellwright.engine.faces.monitor.measurement_sheets import (
+    MeasuredPart,
+    Sheets,
+    point_verdict,
+    read_point,
+    written_point,
+)
 from cellwright.engine.stages.geometry.shapes.snapping import SnapTo
 from cellwright.kb.diagnostics import InvalidInput
 
@@ -36,7 +42,7 @@ def test_a_point_lands_in_the_file_and_can_be_changed_removed_and_undone(sheets:
     assert "position(p1, 100020, 200000, 0)" in texts[1]
     assert "tolerance(p1, 500)" in texts[3]
     assert "needs(p2, profile)" in texts[3]
-    assert [each.name for each in Part(path).points] == ["p2"]
+    assert [each.name for each in MeasuredPart(path).points] == ["p2"]
     for text in reversed(texts[:-1]):
         sheets.change({"how": "undo", "file": "job.yaml"})
         assert path.read_text() == text
@@ -50,13 +56,13 @@ def test_the_tool_that_a_measurement_prefers_takes_it_if_it_can(sheets: Sheets) 
         "problem: job\ndomain: bulkhead\nobjects:\n  us_tool: [us_probe_2]\nstatics:\n"
         "  - weight(us_probe_2, 4)\n  - accuracy(us_probe_2, 25)\n  - preference(us_probe_2, 9)\ngoals: []\n"
     )
-    assert Part(path).tools == ["slra", "us_probe", "us_probe_2"]
-    assert verdict(str(path), POINT)[1].startswith("by us_probe from")
-    assert verdict(str(path), {**POINT, "tool": "us_probe_2"})[1].startswith("by us_probe_2")
-    assert verdict(str(path), {**POINT, "tool": "slra"})[1].endswith("not by slra, which cannot")
+    assert MeasuredPart(path).tools == ["slra", "us_probe", "us_probe_2"]
+    assert point_verdict(str(path), POINT)[1].startswith("by us_probe from")
+    assert point_verdict(str(path), {**POINT, "tool": "us_probe_2"})[1].startswith("by us_probe_2")
+    assert point_verdict(str(path), {**POINT, "tool": "slra"})[1].endswith("not by slra, which cannot")
     sheets.change({"how": "added", "file": "job.yaml", "points": [{**POINT, "tool": "us_probe_2"}]})
     assert "prefers(p1, us_probe_2)" in path.read_text()
-    assert [each.tool for each in Part(path).points] == ["us_probe_2"]
+    assert [each.tool for each in MeasuredPart(path).points] == ["us_probe_2"]
     sheets.change({"how": "replaced", "file": "job.yaml", "points": [POINT]})
     assert "prefers" not in path.read_text()
 
@@ -101,10 +107,10 @@ def test_a_point_that_arms_share_is_told_with_the_tools_of_all_arms_that_reach_i
     sheets.change({"how": "new", "file": "shared", "domain": "halves"})
     path = str(sheets.path("shared.yaml"))
     west, both, east = ({**POINT, "at": [0.0, y, 0.0]} for y in (-1500.0, -100.0, 1500.0))
-    assert verdict(path, west) == (True, "by west_probe")
-    assert verdict(path, both) == (True, "by east_probe or west_probe")
-    assert verdict(path, east) == (True, "by east_probe")
-    reached, why = verdict(path, {**both, "at": [0.0, 2400.0, 0.0]})
+    assert point_verdict(path, west) == (True, "by west_probe")
+    assert point_verdict(path, both) == (True, "by east_probe or west_probe")
+    assert point_verdict(path, east) == (True, "by east_probe")
+    reached, why = point_verdict(path, {**both, "at": [0.0, 2400.0, 0.0]})
     assert not reached
     assert "west: " in why
     assert "east: " in why
@@ -113,7 +119,7 @@ def test_a_point_that_arms_share_is_told_with_the_tools_of_all_arms_that_reach_i
 def test_a_table_is_imported_as_a_problem(sheets: Sheets) -> None:
     (sheets.folder / "points.csv").write_text("name,kind,x,y,z,nx,ny,nz\na1,thickness,100,200,0,0,0,-1\n")
     assert "1 points" in sheets.change({"how": "import", "file": "points.csv", "domain": "bulkhead"})
-    assert [each.name for each in Part(sheets.path("points.yaml")).points] == ["a1"]
+    assert [each.name for each in MeasuredPart(sheets.path("points.yaml")).points] == ["a1"]
 
 
 def test_a_point_is_read_as_it_is_written() -> None:
@@ -122,7 +128,7 @@ def test_a_point_is_read_as_it_is_written() -> None:
 
 
 def test_a_picked_point_is_where_it_was_picked_within_a_tenth_of_a_millimetre(sheets: Sheets) -> None:
-    part = Part(sheets.path("job.yaml"))
+    part = MeasuredPart(sheets.path("job.yaml"))
     for x, y in ((0.1, 0.2), (-0.3, -0.75), (0.0, 1.234_567)):
         found = part.picked("web", part.in_world((x, y, 0.0)), SnapTo.FACE)
         assert found is not None
@@ -133,8 +139,11 @@ def test_a_picked_point_is_where_it_was_picked_within_a_tenth_of_a_millimetre(sh
 
 def test_it_is_told_whether_a_point_can_be_measured_and_why_not(sheets: Sheets) -> None:
     path = str(sheets.path("job.yaml"))
-    assert verdict(path, POINT)[0]
-    reached, why = verdict(path, {**POINT, "normal": [0, 0, 1]})
+    assert point_verdict(path, POINT)[0]
+    reached, why = point_verdict(path, {**POINT, "normal": [0, 0, 1]})
     assert not reached
     assert "not in this orientation" in why
-    assert verdict(path, {**POINT, "tolerance": 0.01}) == (False, "us_probe is too coarse for the tolerance")
+    assert point_verdict(path, {**POINT, "tolerance": 0.01}) == (
+        False,
+        "us_probe is too coarse for the tolerance",
+    )

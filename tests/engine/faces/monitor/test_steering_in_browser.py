@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from cellwright.engine.faces.monitor.following import Follower, record_of
-from cellwright.engine.formats.interop.qif.points import inspection_of
-from cellwright.engine.model.execution import RecordKind
-from cellwright.kb.store.journal import Journal, Line
+from cellwright.engine.faces.monitor.run_follower import RunFollower, journal_record
+from cellwright.engine.formats.interop.qif.feature_points import inspection_of
+from cellwright.engine.model.run_protocol import RecordKind
+from cellwright.kb.store.journal import Journal, JournalLine
 from tests.engine.faces.monitor.conftest import Serve, approved, at, begun, started
 from tests.engine.formats.interop.parts import Document, plane, segment
 
@@ -37,7 +37,7 @@ def orders(store: Path, run: str, count: int) -> list[tuple[str, str, str]]:
     while len(found) < count and time.monotonic() < until:
         time.sleep(0.2)
         with Journal(str(store)) as journal:
-            records = [record_of(line) for line in journal.lines(run, 0)]
+            records = [journal_record(line) for line in journal.lines(run, 0)]
         given = [each.content for each in records if each.kind is RecordKind.ORDER]
         assert all(each["when"] for each in given)
         found = [(each["order"], each["given"], each["who"]) for each in given]
@@ -98,22 +98,22 @@ def test_after_the_network_was_cut_no_event_is_lost_or_shown_twice(
     store = folder / "runs.db"
     with Journal(str(store)) as journal:
         journal.begin("cut", "2026-11-22", {})
-        journal.append("cut", [Line(n, n, "goal", {"goal": f"g({n})"}) for n in range(1, 4)])
+        journal.append("cut", [JournalLine(n, n, "goal", {"goal": f"g({n})"}) for n in range(1, 4)])
         page = open_page(f"{site}/run/cut")
         at(page, "tab-log").click()
         page.locator("td", has_text="g(3)").first.wait_for()
         page.context.set_offline(True)
         for n in range(4, 40):
-            journal.append("cut", [Line(n, n, "goal", {"goal": f"g({n})"})])
+            journal.append("cut", [JournalLine(n, n, "goal", {"goal": f"g({n})"})])
             page.wait_for_timeout(50)
         page.context.set_offline(False)
-        journal.append("cut", [Line(40, 40, "goal", {"goal": "g(40)"})])
+        journal.append("cut", [JournalLine(40, 40, "goal", {"goal": "g(40)"})])
         page.locator("td", has_text="g(40)").first.wait_for()
         at(page, "tab-log").click()
         page.locator(".q-tab-panel:visible td", has_text="reached g(40)").wait_for()
     numbers = page.locator("tbody tr td:first-child").all_inner_texts()
     assert [each for each in numbers if each.isdigit()] == [str(n) for n in range(40, 0, -1)]
-    follower = Follower(str(store), "cut")
+    follower = RunFollower(str(store), "cut")
     assert follower.refresh() == 40
 
 

@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.formats.interop.behaviour_trees import written
+from cellwright.engine.formats.interop.behaviour_trees import write_behaviour_tree
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.simulation.dynamics import Dynamics
-from cellwright.engine.stages.validation.datalog import holds
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.recovery.world_model import Dynamics
+from cellwright.engine.stages.validation.condition_solving import condition_holds
 from cellwright.kb.loader import load
-from cellwright.kb.model.domain import Domain, Operator
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.targets import find
+from cellwright.kb.model.domain_model import Domain, Operator
+from cellwright.kb.model.plan_model import Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.targets import find_target
 from cellwright.kb.terms import Function, Variable
 from tests.engine.formats.interop.ticking import Status, Tree
 from tests.properties.problems import problems
@@ -69,7 +69,7 @@ class Workers:
 @given(orders())
 def test_every_step_begins_as_soon_as_all_before_it_are_done_and_no_sooner(plan: Plan) -> None:
     workers = Workers({step.id: step.duration for step in plan.steps})
-    assert workers.run(Tree(written(WORK, plan), workers)) is Status.SUCCESS
+    assert workers.run(Tree(write_behaviour_tree(WORK, plan), workers)) is Status.SUCCESS
     for step in plan.steps:
         assert workers.began[step.id] == max((workers.ended[each] for each in step.after), default=0)
     assert len(workers.ended) == len(plan.steps)
@@ -83,7 +83,7 @@ def test_a_step_that_fails_fails_the_tree_and_what_needs_it_never_begins(
         return
     failing = data.draw(st.sampled_from(plan.steps)).id
     workers = Workers({step.id: step.duration for step in plan.steps}, failing)
-    assert workers.run(Tree(written(WORK, plan), workers)) is Status.FAILURE
+    assert workers.run(Tree(write_behaviour_tree(WORK, plan), workers)) is Status.FAILURE
     behind = {each for each, before in plan.predecessors().items() if failing in before}
     assert not behind & {*workers.began}
 
@@ -104,16 +104,16 @@ def _acted_out(problem: Problem, plan: Plan, seed: int) -> None:
             state = dynamics.after(steps[number], state)
         return status
 
-    assert workers.run(Tree(written(problem.domain, plan), act)) is Status.SUCCESS
-    assert holds(problem.goal, dynamics.facts(state), {})
+    assert workers.run(Tree(write_behaviour_tree(problem.domain, plan), act)) is Status.SUCCESS
+    assert condition_holds(problem.goal, dynamics.facts(state), {})
     assert all(state.reached[chain.name] == len(chain.stages) for chain in problem.chains)
 
 
 @functools.cache
 def _planned(target: str) -> tuple[Problem, Plan]:
-    problem = load(find(target)).problem
+    problem = load(find_target(target)).problem
     assert problem is not None
-    found = planning.plan(problem)
+    found = checked_plan.plan_problem(problem)
     assert isinstance(found, Found)
     return problem, found.plan
 
@@ -129,7 +129,7 @@ def test_the_tree_of_a_bundled_plan_reaches_its_goals_whatever_the_durations(tar
 @settings(max_examples=25, deadline=None)
 @given(problems(), st.integers(0, 99))
 def test_the_tree_of_a_plan_for_a_random_problem_reaches_its_goals(problem: Problem, seed: int) -> None:
-    found = planning.plan(problem)
+    found = checked_plan.plan_problem(problem)
     if isinstance(found, Found):
         _acted_out(problem, found.plan, seed)
 
@@ -138,7 +138,9 @@ def test_variables_whose_names_are_taken_get_ports_of_other_names() -> None:
     names = ("ID", "_ID", "ID_")
     operator = Operator("work", tuple(_parameter(each) for each in names), None, ())  # type: ignore[arg-type]
     step = Step(StepId(1), Function("work", tuple(Function(each) for each in "abc")))
-    tree = Tree(written(Domain("work", operators=(operator,)), Plan((step,))), lambda _: Status.SUCCESS)
+    tree = Tree(
+        write_behaviour_tree(Domain("work", operators=(operator,)), Plan((step,))), lambda _: Status.SUCCESS
+    )
     assert tree.models == {"work": {"ID_", "ID__", "ID___", "duration"}}
     assert tree.tick() is Status.SUCCESS
 
@@ -159,7 +161,7 @@ def test_a_deep_order_is_written_without_deep_nesting() -> None:
         ]
     plan = Plan(tuple(steps))
     workers = Workers({step.id: 1 for step in plan.steps})
-    assert workers.run(Tree(written(WORK, plan), workers)) is Status.SUCCESS
+    assert workers.run(Tree(write_behaviour_tree(WORK, plan), workers)) is Status.SUCCESS
 
 
 @pytest.mark.slow

@@ -7,15 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.editing import added, removed
-from cellwright.engine.formats.interop.inspections import rewrite
-from cellwright.engine.formats.interop.lists import listed
-from cellwright.engine.model.measurement import MeasurementPoint
-from cellwright.engine.model.measurements import measurements_of
+from cellwright.engine.formats.interop.inspection_files import edit_measurements
+from cellwright.engine.formats.interop.measurement_edits import (
+    add_measurement_lines,
+    find_list,
+    remove_measurement_lines,
+)
+from cellwright.engine.model.part_measurements import MeasurementPoint, measurements_of
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load, load_domain, load_problem
-from cellwright.kb.model.conventions import Conventions
-from cellwright.kb.targets import BUNDLED
+from cellwright.kb.model.name_conventions import Conventions
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
 WORDS = Conventions()
 NEW = MeasurementPoint("m4", "m4", "profile", (0.001, 0.002, 0.003), (0.0, 0.0, 1.0))
@@ -53,7 +55,7 @@ SECTIONS = [
 def change(folder: Path, text: str, how: str, what: MeasurementPoint | str) -> str:
     file = folder / "p.yaml"
     file.write_text(text, "utf-8")
-    rewrite(file, how, [what])
+    edit_measurements(file, how, [what])
     return file.read_text("utf-8")
 
 
@@ -95,7 +97,7 @@ def test_what_is_added_and_removed_again_leaves_the_same_problem(
     assert first is not None
     change(tmp_path, before, "added", NEW)
     assert measurements(tmp_path) == {"m1", "m2", "m3", "m4"}
-    rewrite(tmp_path / "p.yaml", "removed", ["m4"])
+    edit_measurements(tmp_path / "p.yaml", "removed", ["m4"])
     last = load(tmp_path / "p.yaml").problem
     assert last is not None
     assert (last.objects, last.statics, last.initial, last.goal) == (
@@ -107,14 +109,16 @@ def test_what_is_added_and_removed_again_leaves_the_same_problem(
 
 
 @pytest.mark.parametrize(
-    "file", sorted((BUNDLED / "bulkhead" / "problems").glob("*.yaml")), ids=lambda f: f.stem
+    "file", sorted((BUNDLED_DOMAINS / "bulkhead" / "problems").glob("*.yaml")), ids=lambda f: f.stem
 )
 def test_bundled_problems_can_be_changed(tmp_path: Path, file: Path) -> None:
     shutil.copy(file, tmp_path / "p.yaml")
     before = load_problem(f"bulkhead/{file.stem}")
     gone = "m3" if "m3" in before.objects else "c2"
-    rewrite(tmp_path / "p.yaml", "removed", [gone])
-    rewrite(tmp_path / "p.yaml", "added", [MeasurementPoint("m90", "m90", "profile", (0, 0, 0), (0, 0, 1))])
+    edit_measurements(tmp_path / "p.yaml", "removed", [gone])
+    edit_measurements(
+        tmp_path / "p.yaml", "added", [MeasurementPoint("m90", "m90", "profile", (0, 0, 0), (0, 0, 1))]
+    )
     assert measurements(tmp_path) == {*before.objects} - {gone} | {"m90"}
 
 
@@ -123,11 +127,11 @@ def test_several_are_changed_together_or_not_at_all(tmp_path: Path) -> None:
     file.write_text(before, "utf-8")
     for measurements, wrong in ((["m1", "m2", "m1"], "m1"), (["m3", "m9"], "m9")):
         with pytest.raises(InvalidInput, match=wrong):
-            rewrite(file, "removed", measurements)
+            edit_measurements(file, "removed", measurements)
     with pytest.raises(InvalidInput, match="already has"):
-        rewrite(file, "added", [NEW, NEW])
+        edit_measurements(file, "added", [NEW, NEW])
     assert file.read_text("utf-8") == before
-    rewrite(file, "removed", ["m1", "m3"])
+    edit_measurements(file, "removed", ["m1", "m3"])
     problem = load(file).problem
     assert problem is not None
     assert measurements_of(problem) == ["m2"]
@@ -178,7 +182,7 @@ def test_ranges_without_a_name_are_all_the_others(numbers: set[int], data: st.Da
             items.append(f"m{number}")
     gone = f"m{data.draw(st.sampled_from(sorted(numbers)))}"
     text = ["objects:", f"  measurement: [{', '.join(items)}]"]
-    found = listed(removed(text, gone, "p", WORDS), ("objects", "measurement"), "p")
+    found = find_list(remove_measurement_lines(text, gone, "p", WORDS), ("objects", "measurement"), "p")
     assert found is not None
     names = {name for each in found.entries() for name in _names(each.text)}
     assert names == {f"m{number}" for number in numbers} - {gone}
@@ -191,7 +195,7 @@ def _names(item: str) -> list[str]:
 
 
 def test_a_range_grows_when_its_next_name_is_added() -> None:
-    lines = added(
+    lines = add_measurement_lines(
         ["objects:", "  measurement: [m1..3]", "goals: []"], NEW, "p", load_domain("bulkhead").conventions
     )
     assert lines[1] == "  measurement: [m1..4]"

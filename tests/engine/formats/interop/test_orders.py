@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import pytest
 
+from cellwright.engine.formats.interop.up.state_space_proofs import check_every_order
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.orders import every_order
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.model.conditions import And, Exists, Literal, Not, Parameter
-from cellwright.kb.model.domain import Domain, Effect, Kind, Operator, Predicate, Type
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import Domain, Effect, Kind, Operator, Predicate, Type
+from cellwright.kb.model.plan_model import Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Variable
 
 
@@ -47,14 +47,14 @@ def flipped(count: int) -> tuple[Problem, Plan]:
 
 def test_what_the_checker_cannot_show_is_found_by_trying_every_order() -> None:
     problem, plan = flipped(4)
-    assert {each.code for each in validate(problem, plan)} == {"K503"}
-    assert every_order(problem, plan).valid is True
+    assert {each.code for each in validate_plan(problem, plan)} == {"K503"}
+    assert check_every_order(problem, plan).valid is True
 
 
 def test_a_question_that_takes_too_long_is_left_open() -> None:
     problem, plan = flipped(8)
-    assert every_order(problem, plan, most=20).valid is None
-    assert every_order(problem, plan, most=500).valid is True  # 2^8 sets of steps done
+    assert check_every_order(problem, plan, most=20).valid is None
+    assert check_every_order(problem, plan, most=500).valid is True  # 2^8 sets of steps done
 
 
 def test_an_order_that_fails_is_shown() -> None:
@@ -63,7 +63,7 @@ def test_an_order_that_fails_is_shown() -> None:
     domain = replace(problem.domain, operators=(*problem.domain.operators, once))
     problem = replace(problem, domain=domain, goal=And(()))
     plan = Plan((Step(StepId(9), Function("once")), *plan.steps))
-    found = every_order(problem, plan).counterexample
+    found = check_every_order(problem, plan).counterexample
     assert found is not None
     assert found.order[-1] == 9
     assert len(found.order) % 2 == 0
@@ -72,7 +72,7 @@ def test_an_order_that_fails_is_shown() -> None:
 
 @pytest.mark.parametrize("target", ["bulkhead/one_point", "bulkhead/both_tools"])
 def test_plans_of_a_cell_hold_in_every_order(target: str) -> None:
-    problem = planning.problem_of(target)
-    outcome = planning.plan(problem)
+    problem = checked_plan.problem_of(target)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
-    assert every_order(problem, outcome.plan).valid is True
+    assert check_every_order(problem, outcome.plan).valid is True

@@ -3,10 +3,10 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl
-from cellwright.engine.formats.interop.pddl.plans import read_plan, write_plan
+from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl_task
+from cellwright.engine.formats.interop.pddl.competition_plans import read_plan, write_plan
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.diagnostics import InvalidInput
 
 DOMAIN = """\
@@ -50,12 +50,12 @@ PROBLEM = """\
 def task(folder: Path, domain: str = DOMAIN, problem: str = PROBLEM) -> PddlProblem:
     (folder / "domain.pddl").write_text(domain)
     (folder / "problem.pddl").write_text(problem)
-    return read_pddl(folder / "domain.pddl", folder / "problem.pddl")
+    return read_pddl_task(folder / "domain.pddl", folder / "problem.pddl")
 
 
 def test_every_classical_feature_is_planned_and_checked(tmp_path: Path) -> None:
     read = task(tmp_path)
-    outcome = planning.plan(read.problem)
+    outcome = checked_plan.plan_problem(read.problem)
     assert isinstance(outcome, Found)
     written = write_plan(read, outcome.plan)
     assert "(go r2-d2 base hall)" in written
@@ -65,30 +65,30 @@ def test_every_classical_feature_is_planned_and_checked(tmp_path: Path) -> None:
 
 def test_a_written_plan_is_read_again(tmp_path: Path) -> None:
     read = task(tmp_path)
-    outcome = planning.plan(read.problem)
+    outcome = checked_plan.plan_problem(read.problem)
     assert isinstance(outcome, Found)
     (tmp_path / "plan").write_text(write_plan(read, outcome.plan))
     again = read_plan(read, tmp_path / "plan")
     assert [step.operator for step in again.steps] == [step.operator for step in outcome.plan.steps]
     assert again.cost == outcome.plan.cost
-    assert planning.check_plan(read.problem, again) == []
+    assert checked_plan.check_plan(read.problem, again) == []
 
 
 @pytest.mark.parametrize("name", ["P", "E", "D", "A", "H", "B", "G", "X"])
 def test_the_names_of_variables_mean_nothing(tmp_path: Path, name: str) -> None:
-    plain = [str(each.instance) for each in planning.ground(task(tmp_path).problem).operators]
+    plain = [str(each.instance) for each in checked_plan.ground(task(tmp_path).problem).operators]
     found = sorted(set(re.findall(r"\?[a-z]+", DOMAIN)))
     names = {variable: f"?{name}{number}" for number, variable in enumerate(found)}
     renamed = re.sub(r"\?[a-z]+", lambda variable: names[variable[0]], DOMAIN)
     assert [
-        str(each.instance) for each in planning.ground(task(tmp_path, renamed).problem).operators
+        str(each.instance) for each in checked_plan.ground(task(tmp_path, renamed).problem).operators
     ] == plain
 
 
 def test_a_plan_that_skips_a_precondition_is_refused(tmp_path: Path) -> None:
     read = task(tmp_path)
     (tmp_path / "plan").write_text("(go r2-d2 base hall)\n")
-    (found, *_) = planning.check_plan(read.problem, read_plan(read, tmp_path / "plan"))
+    (found, *_) = checked_plan.check_plan(read.problem, read_plan(read, tmp_path / "plan"))
     assert found.code == "K501"
     assert "open(base, hall)" in found.message
 
@@ -99,14 +99,14 @@ def test_names_that_asp_does_not_allow_are_kept_apart(tmp_path: Path) -> None:
     problem = "(define (problem p) (:domain d) (:objects 1a a-b a_b) (:init (object 1a) (not_x))"
     problem += " (:goal (and (not-x) (not (not_x)))))"
     read = task(tmp_path, domain, problem)
-    outcome = planning.plan(read.problem)
+    outcome = checked_plan.plan_problem(read.problem)
     assert isinstance(outcome, Found)
     assert write_plan(read, outcome.plan).startswith("(a 1a a")
 
 
 def test_what_cannot_be_done_is_proved(tmp_path: Path) -> None:
     read = task(tmp_path, problem=PROBLEM.replace("(linked base hall) ", ""))
-    assert isinstance(planning.plan(read.problem), Infeasible)
+    assert isinstance(checked_plan.plan_problem(read.problem), Infeasible)
 
 
 WRONG = {

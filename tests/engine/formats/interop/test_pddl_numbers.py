@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl
-from cellwright.engine.formats.interop.pddl.plans import read_plan, write_plan
+from cellwright.engine.formats.interop.pddl import PddlProblem, read_pddl_task
+from cellwright.engine.formats.interop.pddl.competition_plans import read_plan, write_plan
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.diagnostics import InvalidInput
 
 DOMAIN = """
@@ -45,20 +45,20 @@ PROBLEM = """
 def read(folder: Path, domain: str = DOMAIN, problem: str = PROBLEM) -> PddlProblem:
     (folder / "domain.pddl").write_text(domain)
     (folder / "problem.pddl").write_text(problem)
-    return read_pddl(folder / "domain.pddl", folder / "problem.pddl")
+    return read_pddl_task(folder / "domain.pddl", folder / "problem.pddl")
 
 
 def test_decimals_become_whole_numbers_and_costs_are_told_as_they_were_meant(tmp_path: Path) -> None:
     task = read(tmp_path)
-    outcome = planning.plan(task.problem, Limits())
+    outcome = checked_plan.plan_problem(task.problem, SearchLimits())
     assert isinstance(outcome, Found)
-    assert not validate(task.problem, outcome.plan)
+    assert not validate_plan(task.problem, outcome.plan)
     written = write_plan(task, outcome.plan)
     prices = {"(fill": Fraction("0.6"), "(drain": Fraction("0.1"), "(switch": Fraction("1.5")}
     total = sum(count * price for name, price in prices.items() if (count := written.count(name)))
     assert written.endswith(f"; cost = {float(total)}\n")
     (tmp_path / "plan").write_text(written)
-    assert not validate(task.problem, read_plan(task, tmp_path / "plan"))
+    assert not validate_plan(task.problem, read_plan(task, tmp_path / "plan"))
 
 
 def test_what_nothing_reads_is_left_out(tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_a_function_without_arguments_may_stand_without_parentheses(tmp_path: Pa
     bare = DOMAIN.replace("(>= (level ?t) 0.75)", "(and (>= (level ?t) 0.75) (<= wear 2))")
     task = read(tmp_path, bare)
     assert set(task.problem.domain.quantities) == {"level", "wear"}
-    assert isinstance(planning.plan(task.problem, Limits()), Found)
+    assert isinstance(checked_plan.plan_problem(task.problem, SearchLimits()), Found)
 
 
 @dataclass(frozen=True)
@@ -193,5 +193,7 @@ def test_plans_with_fractions_agree_with_brute_force(
         f" (:goal (and (>= (x) {said(wanted[0])}) (not (= (y) {said(wanted[1])})))))"
     )
     with TemporaryDirectory() as folder:
-        outcome = planning.plan(read(Path(folder), domain, problem).problem, Limits(strategy=strategy))
+        outcome = checked_plan.plan_problem(
+            read(Path(folder), domain, problem).problem, SearchLimits(strategy=strategy)
+        )
     assert isinstance(outcome, Found if reachable(given, start, wanted) else Infeasible)

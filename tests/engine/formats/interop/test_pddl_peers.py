@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.interop.pddl.export import export, import_plan
+from cellwright.engine.formats.interop.pddl.export import import_plan, pddl_text_of
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.kb.loader import find, problem_files
+from cellwright.kb.loader import find_target, problem_files
 from tests.places import DOMAINS
 
 SOLVED, PROVED_UNSOLVABLE = 0, (10, 11)  # exit codes of its driver
@@ -25,7 +25,7 @@ HERE = Path(__file__)
 TESTED = sorted(
     file for file in (*DOMAINS.glob("*/problems/*.yaml"), *HERE.parent.glob("pantry/problems/*.yaml"))
 )
-BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find(name))]
+BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find_target(name))]
 
 
 def named(file: Path) -> str:
@@ -57,18 +57,18 @@ def test_fast_downward_solves_ground_exports_too(file: Path, tmp_path: Path) -> 
 def _solved(file: Path, lifted: bool, tmp_path: Path) -> None:
     if not fast_downward():
         pytest.skip("Fast Downward is not installed")
-    problem = planning.problem_of(str(file))
-    text = export(problem, ground(problem), lifted)
+    problem = checked_plan.problem_of(str(file))
+    text = pddl_text_of(problem, ground(problem), lifted)
     (tmp_path / "domain.pddl").write_text(text.domain)
     (tmp_path / "problem.pddl").write_text(text.problem)
     command = [*fast_downward(), "--alias", "lama-first", "domain.pddl", "problem.pddl"]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=60, check=False)
-    if isinstance(planning.plan(problem), Infeasible):
+    if isinstance(checked_plan.plan_problem(problem), Infeasible):
         assert ended.returncode in PROVED_UNSOLVABLE
         return
     assert ended.returncode == SOLVED, ended.stdout
     plan = import_plan(text, (tmp_path / "sas_plan").read_text())
-    assert planning.check_plan(problem, plan) == []
+    assert checked_plan.check_plan(problem, plan) == []
 
 
 AXIOMS = ("maze", "pantry")  # the library does not read derived predicates
@@ -83,9 +83,9 @@ def test_unified_planning_accepts_our_plans_for_exports(file: Path) -> None:
     from unified_planning.io import PDDLReader
 
     assert up.__version__
-    problem = planning.problem_of(str(file))
-    outcome = planning.plan(problem)
-    text = export(problem, ground(problem))
+    problem = checked_plan.problem_of(str(file))
+    outcome = checked_plan.plan_problem(problem)
+    text = pddl_text_of(problem, ground(problem))
     reader = PDDLReader()
     theirs = reader.parse_problem_string(text.domain, text.problem)
     if isinstance(outcome, Found):

@@ -6,13 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.pnml import read_pnml, write_pnml, written
-from cellwright.engine.formats.interop.pnml.nets import symmetric, unfolded
-from cellwright.engine.formats.interop.pnml.reading import read_text
-from cellwright.engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
-from cellwright.engine.model.task_space import Net
-from cellwright.engine.pipelines import task_space
-from cellwright.engine.pipelines.task_space import Wanted
+from cellwright.engine.formats.interop.pnml import (
+    read_pnml,
+    read_text,
+    symmetric_net,
+    unfold_net,
+    write_contact_net,
+    write_pnml,
+)
+from cellwright.engine.model.task_space import ContactNet, PetriArc, PetriNet, PetriPlace, PetriTransition
+from cellwright.engine.pipelines import contact_states
+from cellwright.engine.pipelines.contact_states import NetRequest
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.files import File
 
@@ -21,10 +25,13 @@ FEW = ("THEMSE_drawer", "probe")  # fully specified, four parts have thousands o
 
 
 @pytest.fixture(scope="module")
-def nets() -> dict[bool, Net]:
+def nets() -> dict[bool, ContactNet]:
     """The net of a part of THEMSE, by class and fully specified."""
-    model, _ = task_space.model_of("themse")
-    return {full: task_space.net(model, Wanted(FEW if full else PARTS, full)) for full in (False, True)}
+    model, _ = contact_states.contact_model_of("themse")
+    return {
+        full: contact_states.build_net(model, NetRequest(FEW if full else PARTS, full))
+        for full in (False, True)
+    }
 
 
 def read_again(net: PetriNet) -> PetriNet:
@@ -32,32 +39,32 @@ def read_again(net: PetriNet) -> PetriNet:
 
 
 @pytest.mark.parametrize("full", [False, True])
-def test_an_unfolded_net_is_read_as_it_was_written(nets: dict[bool, Net], full: bool) -> None:
-    net = unfolded(nets[full])
+def test_an_unfolded_net_is_read_as_it_was_written(nets: dict[bool, ContactNet], full: bool) -> None:
+    net = unfold_net(nets[full])
     assert read_again(net) == net
     assert not net.coloured
 
 
-def test_a_symmetric_net_is_read_as_it_was_written(nets: dict[bool, Net]) -> None:
-    net = symmetric(nets[False])
+def test_a_symmetric_net_is_read_as_it_was_written(nets: dict[bool, ContactNet]) -> None:
+    net = symmetric_net(nets[False])
     assert read_again(net) == net
     assert net.coloured
 
 
-def test_a_document_is_written_as_it_was_read(nets: dict[bool, Net], tmp_path: Path) -> None:
+def test_a_document_is_written_as_it_was_read(nets: dict[bool, ContactNet], tmp_path: Path) -> None:
     for coloured in (False, True):
-        (tmp_path / "net.pnml").write_text(written(nets[False], coloured), "utf-8")
-        assert write_pnml(read_pnml(tmp_path / "net.pnml")) == written(nets[False], coloured)
+        (tmp_path / "net.pnml").write_text(write_contact_net(nets[False], coloured), "utf-8")
+        assert write_pnml(read_pnml(tmp_path / "net.pnml")) == write_contact_net(nets[False], coloured)
 
 
-def test_every_token_is_in_one_place_at_the_start(nets: dict[bool, Net]) -> None:
-    net = symmetric(nets[False])
+def test_every_token_is_in_one_place_at_the_start(nets: dict[bool, ContactNet]) -> None:
+    net = symmetric_net(nets[False])
     tokens = sorted(token for each in net.types.values() for token in each)
     assert sorted(token for place in net.places for token in place.marking) == tokens
 
 
-def test_a_transition_brings_the_tokens_that_it_takes(nets: dict[bool, Net]) -> None:
-    net = symmetric(nets[False])
+def test_a_transition_brings_the_tokens_that_it_takes(nets: dict[bool, ContactNet]) -> None:
+    net = symmetric_net(nets[False])
     for each in net.transitions:
         took = sorted(name for arc in net.arcs if arc.target == each.id for name in arc.variables)
         brought = sorted(name for arc in net.arcs if arc.source == each.id for name in arc.variables)

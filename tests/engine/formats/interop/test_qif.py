@@ -7,10 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.qif.counts import INCH, curve_points, section_points, surface_points
-from cellwright.engine.formats.interop.qif.features import read_features
-from cellwright.engine.formats.interop.qif.points import inspection_of
-from cellwright.engine.model.measurement import Feature
+from cellwright.engine.formats.interop.qif.feature_points import inspection_of
+from cellwright.engine.formats.interop.qif.nominal_features import read_features
+from cellwright.engine.formats.interop.qif.point_placement import (
+    INCH_M,
+    curve_points,
+    section_points,
+    surface_points,
+)
+from cellwright.engine.model.part_measurements import DrawnFeature
 from cellwright.kb.diagnostics import InvalidInput
 
 HEAD = '<?xml version="1.0"?><QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">'
@@ -134,9 +139,9 @@ def test_features_that_do_not_hold_together_are_said_with_their_line(tmp_path: P
     assert caught.value.diagnostics[0].where.line > 0
 
 
-def plane(tolerance_in: float | None = None) -> Feature:
-    tolerances = {} if tolerance_in is None else {"SurfaceProfile": tolerance_in * INCH}
-    return Feature("f", "Plane", (0, 0, 0), (0, 0, 1), tolerances=tolerances)
+def plane(tolerance_in: float | None = None) -> DrawnFeature:
+    tolerances = {} if tolerance_in is None else {"SurfaceProfile": tolerance_in * INCH_M}
+    return DrawnFeature("f", "Plane", (0, 0, 0), (0, 0, 1), tolerances=tolerances)
 
 
 @pytest.mark.parametrize(
@@ -144,19 +149,21 @@ def plane(tolerance_in: float | None = None) -> Feature:
     [(1, None, 3), (3, None, 4), (30, None, 5), (100, 0.005, 20), (100, 0.02, 10), (100, 0.05, 5)],
 )
 def test_points_on_surfaces_follow_the_rules(area: float, tolerance: float | None, count: int) -> None:
-    assert surface_points(area * INCH**2, plane(tolerance)) == count
+    assert surface_points(area * INCH_M**2, plane(tolerance)) == count
 
 
 @pytest.mark.parametrize(("length", "count"), [(0.5, 3), (3.5, 4), (4.9, 5), (80, 5)])
 def test_points_on_curves_follow_the_rules(length: float, count: int) -> None:
-    assert curve_points(length * INCH, plane()) == count
+    assert curve_points(length * INCH_M, plane()) == count
 
 
 @given(st.floats(0.0001, 0.05), st.floats(0.0001, 0.05))
 def test_a_narrower_tolerance_never_asks_for_fewer_points(one: float, other: float) -> None:
     narrow, wide = sorted((one, other))
     counts = [
-        section_points(Feature("f", "Cylinder", (0, 0, 0), (0, 0, 1), tolerances={"Diameter": each * INCH}))
+        section_points(
+            DrawnFeature("f", "Cylinder", (0, 0, 0), (0, 0, 1), tolerances={"Diameter": each * INCH_M})
+        )
         for each in (narrow, wide)
     ]
     assert counts[0] >= counts[1]

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.interop.inspections import import_file
-from cellwright.engine.formats.interop.qif.points import inspection_of
-from cellwright.engine.model.tour import Tour
-from cellwright.engine.pipelines.inspection import partition, tour_problem
-from cellwright.engine.stages.sequencing import Limits, sequence
+from cellwright.engine.formats.interop.inspection_files import import_file
+from cellwright.engine.formats.interop.qif.feature_points import inspection_of
+from cellwright.engine.model.tour_problem import Tour
+from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool, tour_problem
+from cellwright.engine.stages.sequencing import TourLimits, sequence_tour
 from cellwright.kb.loader import load
 from tests.engine.formats.interop.parts import Document, plane, segment
 from tests.places import BUNDLED
@@ -73,8 +73,8 @@ def test_the_sequence_of_an_imported_part_keeps_the_alignment(tmp_path: Path) ->
     file.write_text(import_file(document.written(tmp_path), "bulkhead")[2])
     problem = load(file).problem
     assert problem is not None
-    asked = tour_problem(problem, partition(problem))
-    found = sequence(asked, Limits(work=20))
+    asked = tour_problem(problem, partition_by_tool(problem))
+    found = sequence_tour(asked, TourLimits(work=20))
     assert isinstance(found, Tour)
     features = list(dict.fromkeys(asked.visits[each].name.split("_")[0] for each in found.order))
     assert features[:3] == [names[3], names[0], names[5]]

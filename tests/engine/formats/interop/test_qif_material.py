@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.qif.points import inspection_of
-from cellwright.engine.model.measurement import Inspection
+from cellwright.engine.formats.interop.qif.feature_points import inspection_of
+from cellwright.engine.model.part_measurements import Inspection
 from tests.engine.formats.interop.parts import (
     Document,
     Floats,

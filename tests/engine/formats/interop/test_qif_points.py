@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.inspections import as_qif, import_file
-from cellwright.engine.formats.interop.qif.points import inspection_of
-from cellwright.engine.formats.interop.qif.points_written import written_points
-from cellwright.engine.model.measurement import MeasurementPoint
+from cellwright.engine.formats.interop.inspection_files import as_qif, import_file
+from cellwright.engine.formats.interop.qif.feature_points import inspection_of
+from cellwright.engine.formats.interop.qif.single_points import written_points
+from cellwright.engine.model.part_measurements import MeasurementPoint
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
 from tests.engine.formats.interop.test_results import SCHEMA

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.results import ResultForm, read, written
-from cellwright.kb.model.results import Measured, Results, Treated
+from cellwright.engine.formats.interop.results import ResultForm, read_results_text, write_results
+from cellwright.kb.model.measured_results import Measured, Results, Treated
 
 SCHEMA = Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data")) / "qif/xsd/QIFApplications/QIFDocument.xsd"
 SPACE = "{http://qifstandards.org/xsd/qif3}"
@@ -50,20 +50,20 @@ SOME = Results(
 
 @given(RESULTS)
 def test_json_is_read_back_equal(results: Results) -> None:
-    assert read(written(results, ResultForm.JSON), ResultForm.JSON) == results
+    assert read_results_text(write_results(results, ResultForm.JSON), ResultForm.JSON) == results
 
 
 @given(RESULTS)
 @pytest.mark.parametrize("form", [ResultForm.CSV, ResultForm.QIF])
 def test_measured_values_are_read_back_equal(form: ResultForm, results: Results) -> None:
-    back = read(written(results, form), form)
+    back = read_results_text(write_results(results, form), form)
     assert back.measured == results.measured
     if results.measured or form is ResultForm.QIF:
         assert (back.run, back.started) == (results.run, results.started)
 
 
 def test_a_verdict_is_written_for_people_and_other_programs() -> None:
-    table = written(SOME, ResultForm.CSV).splitlines()
+    table = write_results(SOME, ResultForm.CSV).splitlines()
     assert table[1].startswith(
         "monday_1,2026-11-22T10:00:00+00:00,42000,m1,thickness,6342.5,um,6350,6340,6360,yes"
     )
@@ -79,7 +79,7 @@ def test_a_verdict_is_written_for_people_and_other_programs() -> None:
         "no",
     ]
     assert [line.split(",")[-1] for line in table[-3:]] == ["conforming", "undecided", "not conforming"]
-    root = ElementTree.fromstring(written(SOME, ResultForm.QIF).encode())
+    root = ElementTree.fromstring(write_results(SOME, ResultForm.QIF).encode())
     told = [each.text for each in root.iter(f"{SPACE}CharacteristicStatusEnum")]
     assert told[:6] == ["PASS", "FAIL", "NOT_ANALYZED", "PASS", "NOT_ANALYZED", "PASS"]
     assert told[6:] == ["PASS", "INDETERMINATE", "FAIL"]
@@ -88,7 +88,7 @@ def test_a_verdict_is_written_for_people_and_other_programs() -> None:
 
 @given(RESULTS)
 def test_ids_in_qif_are_unique_and_refer_to_what_is_there(results: Results) -> None:
-    root = ElementTree.fromstring(written(results, ResultForm.QIF).encode())
+    root = ElementTree.fromstring(write_results(results, ResultForm.QIF).encode())
     ids = [each.attrib["id"] for each in root.iter() if "id" in each.attrib]
     assert len(ids) == len({*ids})
     assert max(map(int, ids)) <= int(root.attrib["idMax"])
@@ -104,7 +104,7 @@ def test_ids_in_qif_are_unique_and_refer_to_what_is_there(results: Results) -> N
 def test_qif_is_valid_against_its_schema(results: Results, tmp_path: Path) -> None:
     xmlschema = pytest.importorskip("xmlschema")
     document = tmp_path / "results.qif"
-    document.write_text(written(results, ResultForm.QIF), "utf-8")
+    document.write_text(write_results(results, ResultForm.QIF), "utf-8")
     assert [str(each.reason) for each in xmlschema.XMLSchema(str(SCHEMA)).iter_errors(str(document))] == []
 
 
@@ -114,7 +114,7 @@ def test_qif_is_valid_against_its_schema(results: Results, tmp_path: Path) -> No
 ])  # fmt: skip
 def test_another_text_is_refused(form: ResultForm, text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
-        read(text, form)
+        read_results_text(text, form)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_another_text_is_refused(form: ResultForm, text: str) -> None:
 def test_a_json_text_with_a_value_of_another_kind_is_no_results(key: str, value: str) -> None:
     text = f'{{"version": 1, "run": "r", "started": "", "measured": [{{"of": "m", "quantity": "q", "{key}": {value}}}], "history": []}}'
     with pytest.raises(ValueError, match=f"`{key}` cannot be|not results"):
-        read(text, ResultForm.JSON)
+        read_results_text(text, ResultForm.JSON)
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_results_of_other_programs_are_read_with_their_verdicts(
     if not file.is_file():
         pytest.skip("the samples of QIF are not there")
     text = file.read_text()
-    results = read(text, ResultForm.QIF)
+    results = read_results_text(text, ResultForm.QIF)
     assert len(results.measured) == count
     assert {each.of for each in results.measured if each.passed is False} == wrong
     values = [

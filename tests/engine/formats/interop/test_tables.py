@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.interop.inspections import import_file, remarks
-from cellwright.engine.formats.interop.tables import read_table
+from cellwright.engine.formats.interop.inspection_files import import_file, inspection_remarks
+from cellwright.engine.formats.interop.measurement_tables import read_table
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.inspection import NO_TOOL
-from cellwright.engine.pipelines.objective import plan
-from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.inspection.tool_tours import NO_TOOL
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.plan_objective import plan_for_objective
 from cellwright.kb.diagnostics import Diagnostic, InvalidInput
 
 HEAD = "name,x,y,z,nx,ny,nz,kind,tolerance,bore,feature,remark\n"
@@ -83,12 +83,12 @@ def test_a_kind_that_the_domain_does_not_know_is_told_and_the_problem_plans(tmp_
     path = table(tmp_path, HEAD + rows)
     inspection, parts, text = import_file(path, "bulkhead", table=True)
     assert parts.impossible == {"c": NO_TOOL}
-    assert [each.message for each in remarks(inspection, path)] == [
+    assert [each.message for each in inspection_remarks(inspection, path)] == [
         "the domain knows no measurement of the kind 'roughness'"
     ]
     written = tmp_path / "points.yaml"
     written.write_text(text)
-    assert isinstance(plan(problem_of(str(written))).outcome, Found)
+    assert isinstance(plan_for_objective(problem_of(str(written))).outcome, Found)
 
 
 def test_columns_may_carry_their_unit_and_points_need_no_names(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.tsplib import METRICS, SHAPES, read_tsplib
-from cellwright.engine.model.metric import Metric
+from cellwright.engine.formats.interop.visit_files import MATRIX_SHAPES, METRIC_FUNCTIONS, read_tsplib
+from cellwright.engine.model.tour_problem import Metric
 from cellwright.kb.diagnostics import InvalidInput
 
 
@@ -48,7 +48,7 @@ def test_geographical_distances_are_kilometres_on_the_sphere(tmp_path: Path) -> 
     assert abs(int(read_tsplib(file).travel[0, 1]) - 6378.388 * np.pi / 2) < 2
 
 
-@given(st.sampled_from(sorted(SHAPES)), st.integers(2, 6), st.integers(0, 999))
+@given(st.sampled_from(sorted(MATRIX_SHAPES)), st.integers(2, 6), st.integers(0, 999))
 def test_every_layout_gives_back_the_matrix_it_was_written_from(shape: str, n: int, seed: int) -> None:
     import tempfile
 
@@ -63,7 +63,7 @@ def test_every_layout_gives_back_the_matrix_it_was_written_from(shape: str, n: i
             DIMENSION=str(n),
             EDGE_WEIGHT_TYPE="EXPLICIT",
             EDGE_WEIGHT_FORMAT=shape,
-            EDGE_WEIGHT_SECTION=" ".join(str(travel[cell]) for cell in SHAPES[shape](n)),
+            EDGE_WEIGHT_SECTION=" ".join(str(travel[cell]) for cell in MATRIX_SHAPES[shape](n)),
         )
         assert (read_tsplib(file).travel == travel).all()
 
@@ -95,7 +95,7 @@ def test_what_is_wrong_is_said(tmp_path: Path, change: dict[str, str], said: str
 
 def test_all_metrics_are_symmetric_and_zero_on_the_diagonal() -> None:
     places = np.random.default_rng(1).uniform(-80, 80, (9, 2))
-    for kind in METRICS.values():
+    for kind in METRIC_FUNCTIONS.values():
         found = Metric(kind, places).matrix()
         assert (found == found.T).all()
         assert not found.diagonal().any()

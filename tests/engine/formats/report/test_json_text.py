@@ -6,7 +6,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.report.json_text import written
+from cellwright.engine.formats.report.json_answers import json_text
 
 values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
@@ -23,4 +23,4 @@ values = st.recursive(
 @settings(max_examples=150, deadline=None)
 @given(values)
 def test_the_text_is_that_of_the_standard_library(value: Any) -> None:
-    assert written(value) == json.dumps(value, indent=1, ensure_ascii=False)
+    assert json_text(value) == json.dumps(value, indent=1, ensure_ascii=False)

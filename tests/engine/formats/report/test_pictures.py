@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.report import dot, svg
-from cellwright.engine.formats.report.columns import HIGHEST, columns
-from cellwright.engine.formats.report.layout import layout
+from cellwright.engine.formats.report.drawing import dot_graphs, plan_svg
+from cellwright.engine.formats.report.drawing.graph_layout import layout_graph
+from cellwright.engine.formats.report.drawing.plan_svg import MAX_COLUMN_STEPS, split_columns
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, CausalLink, Plan, Step, StepId
 from cellwright.kb.terms import Function
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -36,7 +36,9 @@ def plans(draw: st.DrawFn) -> Plan:
         for producer in draw(st.lists(st.integers(0, number - 1), unique=True, max_size=6)):
             condition = Function("p<&", (Function(draw(st.sampled_from("qrstuvwx"))),))
             links.append(CausalLink(StepId(producer), condition, StepId(number)))
-    links.append(CausalLink(StepId(draw(st.integers(0, count))) if count else START, Function("g"), GOAL))
+    links.append(
+        CausalLink(StepId(draw(st.integers(0, count))) if count else INITIAL_STEP, Function("g"), GOAL_STEP)
+    )
     return Plan(tuple(steps), tuple(links))
 
 
@@ -85,14 +87,18 @@ def ways(root: ElementTree.Element) -> list[tuple[str, list[Segment]]]:
 @given(plans())
 @settings(max_examples=50, deadline=None)
 def test_an_svg_shows_every_step_order_and_link(plan: Plan) -> None:
-    root = ElementTree.fromstring(svg.plan(plan))
+    root = ElementTree.fromstring(plan_svg.draw_plan(plan))
     shown = [text.text or "" for text in root.iter(f"{SVG}text")]
     for step in plan.steps:
         assert f"{step.id} {step.operator}" in shown
     drawn = [path.get("class") for path in root.iter(f"{SVG}path")]
-    assert drawn.count("order") == len(list(dot.orders(plan)))
+    assert drawn.count("order") == len(list(dot_graphs.direct_orders(plan)))
     assert drawn.count("link") + drawn.count("link given") == len(plan.links)
-    texts = {START: "start", **{step.id: f"{step.id} {step.operator}" for step in plan.steps}, GOAL: "goal"}
+    texts = {
+        INITIAL_STEP: "start",
+        **{step.id: f"{step.id} {step.operator}" for step in plan.steps},
+        GOAL_STEP: "goal",
+    }
     titles = [title.text for path in root.iter(f"{SVG}path") for title in path.iter(f"{SVG}title")]
     assert titles == [
         f"{texts[link.producer]} achieves {link.condition} for {texts[link.consumer]}" for link in plan.links
@@ -102,7 +108,7 @@ def test_an_svg_shows_every_step_order_and_link(plan: Plan) -> None:
 @given(plans())
 @settings(max_examples=50, deadline=None)
 def test_boxes_and_labels_lie_on_the_paper_and_apart(plan: Plan) -> None:
-    root = ElementTree.fromstring(svg.plan(plan))
+    root = ElementTree.fromstring(plan_svg.draw_plan(plan))
     paper, *labels = rectangles(root, "paper")
     boxes = rectangles(root, "box")
     assert len(boxes) == len(plan.steps) + 2
@@ -119,7 +125,7 @@ def test_boxes_and_labels_lie_on_the_paper_and_apart(plan: Plan) -> None:
 def test_no_link_runs_through_a_box_and_links_of_different_conditions_never_lie_on_one_another(
     plan: Plan,
 ) -> None:
-    root = ElementTree.fromstring(svg.plan(plan))
+    root = ElementTree.fromstring(plan_svg.draw_plan(plan))
     drawn = ways(root)
     for _, pieces in drawn:
         for left, top, right, bottom in pieces:
@@ -142,8 +148,8 @@ def test_no_link_runs_through_a_box_and_links_of_different_conditions_never_lie_
 @given(plans())
 @settings(max_examples=50, deadline=None)
 def test_a_link_ends_at_the_boxes_of_its_producer_and_its_consumer(plan: Plan) -> None:
-    root = ElementTree.fromstring(svg.plan(plan))
-    names = [START, *(step.id for step in plan.steps), GOAL]
+    root = ElementTree.fromstring(plan_svg.draw_plan(plan))
+    names = [INITIAL_STEP, *(step.id for step in plan.steps), GOAL_STEP]
     boxes = dict(zip(names, rectangles(root, "box"), strict=True))
     for link, (_, pieces) in zip(plan.links, ways(root), strict=True):
         producer, consumer = boxes[link.producer], boxes[link.consumer]
@@ -156,45 +162,45 @@ def test_a_link_ends_at_the_boxes_of_its_producer_and_its_consumer(plan: Plan) -
 @given(plans())
 @settings(max_examples=50, deadline=None)
 def test_every_order_points_downwards(plan: Plan) -> None:
-    edges = list(dot.orders(plan))
-    nodes = [START, *(step.id for step in plan.steps), GOAL]
-    placed = layout(dict.fromkeys(nodes, 10.0), edges, 5.0)
+    edges = list(dot_graphs.direct_orders(plan))
+    nodes = [INITIAL_STEP, *(step.id for step in plan.steps), GOAL_STEP]
+    placed = layout_graph(dict.fromkeys(nodes, 10.0), edges, 5.0)
     assert all(placed.layer[earlier] < placed.layer[later] for earlier, later in edges)
 
 
 @given(plans())
 @settings(max_examples=50, deadline=None)
 def test_dot_has_one_edge_per_order_and_link(plan: Plan) -> None:
-    edges = re.findall(r"^  \w+ -> \w+( \[.*\])?;$", dot.plan(plan), flags=re.MULTILINE)
-    assert len([edge for edge in edges if not edge]) == len(list(dot.orders(plan)))
+    edges = re.findall(r"^  \w+ -> \w+( \[.*\])?;$", dot_graphs.plan_dot(plan), flags=re.MULTILINE)
+    assert len([edge for edge in edges if not edge]) == len(list(dot_graphs.direct_orders(plan)))
     assert len([edge for edge in edges if edge]) == len(plan.links)
 
 
 @given(plans())
 @settings(max_examples=10, deadline=None)
 def test_pictures_repeat(plan: Plan) -> None:
-    assert svg.plan(plan) == svg.plan(plan)
-    assert dot.plan(plan) == dot.plan(plan)
+    assert plan_svg.draw_plan(plan) == plan_svg.draw_plan(plan)
+    assert dot_graphs.plan_dot(plan) == dot_graphs.plan_dot(plan)
 
 
 def test_quotes_and_backslashes_stay_inside_the_strings_of_dot() -> None:
     operator = Function('say("a \\"b\\" \\\\n")')
-    made = dot.plan(Plan((Step(StepId(1), operator, (), (Function('"held"'),)),)))
+    made = dot_graphs.plan_dot(Plan((Step(StepId(1), operator, (), (Function('"held"'),)),)))
     (label,) = re.findall(r'^  1 \[label="((?:[^"\\]|\\.)*)"\];$', made, flags=re.MULTILINE)
     assert re.sub(r'\\(["\\])', r"\1", label.replace(r"\n[", "\n[")) == f'1 {operator}\n["held"]'
 
 
 def test_stages_are_shown_in_the_words_of_the_problem() -> None:
     problem = load_problem("themse/one")
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     assert any(link.condition.name == "_stage" for link in outcome.plan.links)
-    for picture in (svg.plan(outcome.plan, problem), dot.plan(outcome.plan, problem)):
+    for picture in (plan_svg.draw_plan(outcome.plan, problem), dot_graphs.plan_dot(outcome.plan, problem)):
         assert "_stage" not in picture
         assert "heated(probe_1, 900)" in picture
 
 
-@given(st.integers(1, 4 * HIGHEST), st.integers(0, 2**32 - 1))
+@given(st.integers(1, 4 * MAX_COLUMN_STEPS), st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)
 def test_columns_hold_every_step_once_and_every_link_where_it_begins_and_ends(count: int, seed: int) -> None:
     chance = Random(seed)
@@ -203,18 +209,24 @@ def test_columns_hold_every_step_once_and_every_link_where_it_begins_and_ends(co
     for _ in range(3 * count):
         producer, consumer = sorted(chance.sample(range(count + 2), 2))
         condition = Function(chance.choice("pqr"))
-        links.append(CausalLink(StepId(producer), condition, StepId(consumer) if consumer <= count else GOAL))
+        links.append(
+            CausalLink(StepId(producer), condition, StepId(consumer) if consumer <= count else GOAL_STEP)
+        )
     plan = Plan(steps, tuple(dict.fromkeys(links)))
-    made = columns(plan, str)
+    made = split_columns(plan, str)
     assert [step.id for column in made for step in column.part.steps] == [step.id for step in steps]
-    assert max(len(column.part.steps) for column in made) <= HIGHEST
-    texts = {START: "start", **{step.id: f"{step.id} {step.operator}" for step in steps}, GOAL: "goal"}
+    assert max(len(column.part.steps) for column in made) <= MAX_COLUMN_STEPS
+    texts = {
+        INITIAL_STEP: "start",
+        **{step.id: f"{step.id} {step.operator}" for step in steps},
+        GOAL_STEP: "goal",
+    }
     said = [part for column in made for title in column.titles.values() for part in title.split("; ")]
     for link in plan.links:
         head = f"{texts[link.producer]} achieves {link.condition} for "
         users = [title.removeprefix(head).split(", ") for title in said if title.startswith(head)]
         assert any(texts[link.consumer] in each for each in users)
-    picture = ElementTree.fromstring(svg.plan(plan))
+    picture = ElementTree.fromstring(plan_svg.draw_plan(plan))
     assert len(rectangles(picture, "box")) == count + 2 * len(made)
     for one, other in combinations(rectangles(picture, "box"), 2):
         assert not overlap(one, other)

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from cellwright.engine.formats.report import text
-from cellwright.engine.formats.report.rows import TextTable
-from cellwright.engine.pipelines import planning
+from cellwright.engine.formats.report.plans import outcome_tables
+from cellwright.engine.formats.report.text_tables import TextTable
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.loader import load_problem
 
 cells = st.lists(st.text("ab_", min_size=1, max_size=9), max_size=5).map(" ".join)
@@ -64,7 +64,7 @@ def test_numbers_stand_right_and_brackets_are_no_markup() -> None:
 @pytest.mark.parametrize("target", ["bulkhead/one_point", "themse/one"])
 def test_a_narrow_terminal_shows_the_words_of_a_wide_one(target: str) -> None:
     problem = load_problem(target)
-    made = text.outcome(planning.plan(problem), problem)
+    made = outcome_tables.outcome_text(checked_plan.plan_problem(problem), problem)
     wide = words("\n".join(lines(made, 400)))
     for width in (30, 40, 50):
         narrow = lines(made, width)

@@ -4,9 +4,9 @@ import io
 
 from rich.console import Console
 
-from cellwright.engine.formats.report.live import Display, shared
-from cellwright.engine.formats.report.narration import narrated
-from cellwright.engine.model.execution import Record, RecordKind
+from cellwright.engine.formats.report.runs.run_display import RunDisplay, share_lines
+from cellwright.engine.formats.report.runs.run_report import narrate_record
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
 
 PLAN = {
     "why": "first", "forecast_ms": 20_000, "goals": [],
@@ -17,24 +17,24 @@ PLAN = {
 }  # fmt: skip
 COMMAND = {"command_kind": "step", "lasts_ms": 8_000}
 RECORDS = [
-    Record(1, 0, RecordKind.PLAN, PLAN),
-    Record(2, 0, RecordKind.COMMAND, {**COMMAND, "command": 1, "stream": "arm", "action": "pick(a)", "step": 1}),
-    Record(3, 9_000, RecordKind.REPLY, {"command": 1, "text": "done"}),
-    Record(4, 9_000, RecordKind.DONE,
+    JournalRecord(1, 0, RecordKind.PLAN, PLAN),
+    JournalRecord(2, 0, RecordKind.COMMAND, {**COMMAND, "command": 1, "stream": "arm", "action": "pick(a)", "step": 1}),
+    JournalRecord(3, 9_000, RecordKind.REPLY, {"command": 1, "text": "done"}),
+    JournalRecord(4, 9_000, RecordKind.DONE,
            {"step": 1, "command": 1, "action": "pick(a)", "started_ms": 0, "adds": ["held(a)"], "ends": ["free"]}),
-    Record(5, 9_000, RecordKind.COMMAND, {**COMMAND, "command": 2, "stream": "furnace", "action": "heat(a)", "step": 2}),
+    JournalRecord(5, 9_000, RecordKind.COMMAND, {**COMMAND, "command": 2, "stream": "furnace", "action": "heat(a)", "step": 2}),
 ]  # fmt: skip
 FAILED = [
-    Record(6, 15_000, RecordKind.REPLY, {"command": 2, "text": "cold"}),
-    Record(7, 15_000, RecordKind.EXCEPTION, {"exception": "too_cold", "step": 2, "action": "heat(a)", "reply": "cold"}),
-    Record(8, 16_000, RecordKind.FINDING, {"action": "read_power", "outcome": "none"}),
-    Record(9, 17_000, RecordKind.DIAGNOSIS, {"causes": [["power_off", 0.97], ["broken", 0.001]], "cured": "switch_on"}),
-    Record(10, 17_000, RecordKind.END, {"outcome": "reached", "why": ""}),
+    JournalRecord(6, 15_000, RecordKind.REPLY, {"command": 2, "text": "cold"}),
+    JournalRecord(7, 15_000, RecordKind.EXCEPTION, {"exception": "too_cold", "step": 2, "action": "heat(a)", "reply": "cold"}),
+    JournalRecord(8, 16_000, RecordKind.FINDING, {"action": "read_power", "outcome": "none"}),
+    JournalRecord(9, 17_000, RecordKind.DIAGNOSIS, {"causes": [["power_off", 0.97], ["broken", 0.001]], "cured": "switch_on"}),
+    JournalRecord(10, 17_000, RecordKind.END, {"outcome": "reached", "why": ""}),
 ]  # fmt: skip
 
 
-def shown(records: list[Record], width: int = 80, passed_ms: float = 0.0, height: int = 60) -> str:
-    display = Display("monday-1", passed_ms=lambda: passed_ms)
+def shown(records: list[JournalRecord], width: int = 80, passed_ms: float = 0.0, height: int = 60) -> str:
+    display = RunDisplay("monday-1", passed_ms=lambda: passed_ms)
     for record in records:
         display.take(record)
     out = io.StringIO()
@@ -85,20 +85,20 @@ def test_a_low_terminal_keeps_the_keys_the_steps_and_the_end_of_the_log() -> Non
 
 
 def test_pausing_twice_goes_on_also_before_the_run_has_heard_it() -> None:
-    display = Display("monday-1")
+    display = RunDisplay("monday-1")
     assert [display.toggled(), display.toggled(), display.toggled()] == ["interrupt", "continue", "interrupt"]
-    display.take(Record(1, 0, RecordKind.PHASE, {"phase": "paused", "why": ""}))
+    display.take(JournalRecord(1, 0, RecordKind.PHASE, {"phase": "paused", "why": ""}))
     assert display.toggled() == "continue"
 
 
 def test_lines_are_shared_in_turn() -> None:
-    assert shared(5, (8, 1, 6)) == [2, 1, 2]
-    assert shared(99, (8, 1, 6)) == [8, 1, 6]
-    assert shared(-1, (8, 1, 6)) == [0, 0, 0]
+    assert share_lines(5, (8, 1, 6)) == [2, 1, 2]
+    assert share_lines(99, (8, 1, 6)) == [8, 1, 6]
+    assert share_lines(-1, (8, 1, 6)) == [0, 0, 0]
 
 
 def test_every_line_that_is_told_is_short_and_plain() -> None:
-    lines = [line for record in RECORDS + FAILED for line in narrated(record)]
+    lines = [line for record in RECORDS + FAILED for line in narrate_record(record)]
     assert lines[-1] == "17 s: all goals are reached"
     assert all("\n" not in line for line in lines)
 
@@ -110,9 +110,9 @@ def test_the_display_shows_when_the_next_steps_begin_as_far_as_that_can_be_said(
          "start_ms": sum(lasts[: n - 1])}
         for n, each in enumerate(lasts, 1)
     ]  # fmt: skip
-    text = shown([Record(1, 0, RecordKind.PLAN, {**PLAN, "steps": steps})], width=100).partition("next step")[
-        2
-    ]
+    text = shown([JournalRecord(1, 0, RecordKind.PLAN, {**PLAN, "steps": steps})], width=100).partition(
+        "next step"
+    )[2]
     lines = {
         each: next(line for line in text.splitlines() if each in line)
         for each in ("step_1", "step_3", "step_4")

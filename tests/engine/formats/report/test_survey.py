@@ -4,19 +4,22 @@ import re
 from html import escape
 from html.parser import HTMLParser
 
-from cellwright.engine.formats.report.survey import entry, summary
-from cellwright.engine.formats.report.survey_html import document
-from cellwright.engine.model.verdicts import Feature, Survey, Unmeasured
-from cellwright.kb.model.results import Measured, Results
+from cellwright.engine.formats.report.measurements.survey_report import (
+    survey_entry,
+    survey_html,
+    survey_summary,
+)
+from cellwright.engine.model.verdicts import MeasuredFeature, Survey, Unmeasured
+from cellwright.kb.model.measured_results import Measured, Results
 
 EVIL = "<script>alert('&\"')</script>"
 VALUE = Measured(EVIL, "thickness", 9.0, "um", 10.0, 8.0, 12.0, EVIL, EVIL, 5, 1.0, 5.0)
 DEMAND = ("um", 10.0, 8.0, 12.0, 5.0)
 SURVEY = Survey(
     (
-        Feature(EVIL, "thickness", *DEMAND, 9.5, 0.4, (VALUE,), ((VALUE, EVIL),)),
-        Feature("m2", "thickness", *DEMAND, 8.1, 1.0, (VALUE,), again=("in doubt", EVIL)),
-        Feature("m3", "thickness", *DEMAND, 3.0, 1.0, (VALUE,), doubt=EVIL),
+        MeasuredFeature(EVIL, "thickness", *DEMAND, 9.5, 0.4, (VALUE,), ((VALUE, EVIL),)),
+        MeasuredFeature("m2", "thickness", *DEMAND, 8.1, 1.0, (VALUE,), again=("in doubt", EVIL)),
+        MeasuredFeature("m3", "thickness", *DEMAND, 3.0, 1.0, (VALUE,), doubt=EVIL),
     ),
     (Unmeasured("m4", EVIL),),
     {EVIL: (0.0, 0.0, 0.0), "m2": (1.0, 0.5, 0.0), "m3": (2.0, 0.1, 0.0), "m4": (0.3, 0.9, 0.0)},
@@ -40,7 +43,7 @@ class Reader(HTMLParser):
 
 
 def test_a_report_is_well_formed_and_fetches_and_runs_nothing() -> None:
-    page, reader = document(Results(EVIL, EVIL), SURVEY), Reader()
+    page, reader = survey_html(Results(EVIL, EVIL), SURVEY), Reader()
     reader.feed(page)
     assert not reader.open
     assert not reader.refers
@@ -51,17 +54,17 @@ def test_a_report_is_well_formed_and_fetches_and_runs_nothing() -> None:
 
 def test_a_report_names_verdicts_and_what_is_missing() -> None:
     assert SURVEY.counts() == {"conforming": 1, "doubtful": 1, "not measured": 1, "undecided": 1}
-    assert summary(SURVEY) == (
+    assert survey_summary(SURVEY) == (
         "4 features: 1 conforming, 1 doubtful, 1 not measured, 1 undecided; 1 bad value left out"
     )
-    page = document(Results("monday"), SURVEY)
+    page = survey_html(Results("monday"), SURVEY)
     for each in ("Not measured", "Values left out", "undecided", "doubtful", "m4"):
         assert each in page
-    assert entry(SURVEY)["not_measured"] == [{"name": "m4", "why": EVIL}]
+    assert survey_entry(SURVEY)["not_measured"] == [{"name": "m4", "why": EVIL}]
 
 
 def test_a_report_tells_what_was_measured_again_and_why_and_by_what() -> None:
-    page = document(Results("monday"), SURVEY)
+    page = survey_html(Results("monday"), SURVEY)
     row = page.split("<h2>Measured again</h2>")[1].split("<tbody>")[1].split("</tbody>")[0]
     assert row.count("<tr>") == 1
     for each in (
@@ -72,10 +75,10 @@ def test_a_report_tells_what_was_measured_again_and_why_and_by_what() -> None:
         "undecided",
     ):
         assert each in row
-    assert "Measured again" not in document(Results("monday"), Survey(SURVEY.features[:1]))
+    assert "Measured again" not in survey_html(Results("monday"), Survey(SURVEY.features[:1]))
 
 
 def test_a_report_of_nothing_or_of_one_place_is_a_page() -> None:
     one = Survey((SURVEY.features[1],), (), {"m2": (1.0, 0.5, 0.0)})
     for each in (Survey(()), one):
-        assert document(Results("empty"), each).endswith("</html>\n")
+        assert survey_html(Results("empty"), each).endswith("</html>\n")

@@ -7,30 +7,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from cellwright.engine.formats.report import text
-from cellwright.engine.formats.report.wrapping import wrapped
-from cellwright.engine.model.forecast import earliest_starts, makespan
-from cellwright.engine.model.histories import histories
+from cellwright.engine.formats.report.plans import outcome_tables
+from cellwright.engine.formats.report.text_tables import wrap_text
+from cellwright.engine.model.answer_wording import step_purposes
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.purposes import purposes
-from cellwright.engine.pipelines import planning
+from cellwright.engine.model.plan_times import earliest_starts, object_histories, plan_makespan
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Text
 
 
 @functools.cache
 def planned(target: str) -> tuple[Problem, Plan]:
     problem = load_problem(target)
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     return problem, outcome.plan
 
 
 def printed(target: str, width: int) -> str:
     problem, plan = planned(target)
-    return shown(text.outcome(Found(plan), problem), width)
+    return shown(outcome_tables.outcome_text(Found(plan), problem), width)
 
 
 def shown(made: RenderableType, width: int) -> str:
@@ -73,17 +72,17 @@ def test_no_line_is_longer_than_the_terminal_is_wide(width: int) -> None:
 @given(st.text("ab(,) _", max_size=60), st.integers(4, 40))
 @settings(max_examples=200, deadline=None)
 def test_wrapped_text_fits_and_is_whole(text: str, width: int) -> None:
-    made = wrapped(text, width)
+    made = wrap_text(text, width)
     assert all(len(line) <= width for line in made.splitlines())
     assert "".join(made.split()) == "".join(text.split())
 
 
 def test_atoms_break_after_commas_before_they_break_at_brackets() -> None:
-    assert wrapped("put(probe_1, slot(furnace, 1))", 20).splitlines() == [
+    assert wrap_text("put(probe_1, slot(furnace, 1))", 20).splitlines() == [
         "put(probe_1,",
         "  slot(furnace, 1))",
     ]
-    assert wrapped("couplant_applied(goal_point(meas(m2)))", 24).splitlines() == [
+    assert wrap_text("couplant_applied(goal_point(meas(m2)))", 24).splitlines() == [
         "couplant_applied(",
         "  goal_point(meas(m2)))",
     ]
@@ -91,7 +90,7 @@ def test_atoms_break_after_commas_before_they_break_at_brackets() -> None:
 
 def test_brackets_in_texts_are_no_markup() -> None:
     step = Step(StepId(1), Function("say", (Text("[bold]x[/bold]"),)), duration=1)
-    assert "[bold]x[/bold]" in shown(text.plan_table(Plan((step,)), load_problem("themse/one")), 80)
+    assert "[bold]x[/bold]" in shown(outcome_tables.plan_table(Plan((step,)), load_problem("themse/one")), 80)
 
 
 def test_colours_are_for_terminals_that_want_them(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,7 +101,7 @@ def test_colours_are_for_terminals_that_want_them(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    table = text.plan_table(Plan((Step(StepId(1), Function("go")),)), load_problem("themse/one"))
+    table = outcome_tables.plan_table(Plan((Step(StepId(1), Function("go")),)), load_problem("themse/one"))
     assert colours(True)
     assert not colours(False)
     monkeypatch.setenv("NO_COLOR", "1")
@@ -110,7 +109,9 @@ def test_colours_are_for_terminals_that_want_them(monkeypatch: pytest.MonkeyPatc
 
 
 def test_an_empty_plan_says_so() -> None:
-    assert shown(text.plan_table(Plan(()), load_problem("themse/one")), 80).startswith("Nothing to do")
+    assert shown(outcome_tables.plan_table(Plan(()), load_problem("themse/one")), 80).startswith(
+        "Nothing to do"
+    )
 
 
 def test_a_narrow_terminal_loses_nothing() -> None:
@@ -128,7 +129,7 @@ def test_a_narrow_terminal_loses_nothing() -> None:
 @pytest.mark.parametrize("target", ["themse/two", "bulkhead/both_tools"])
 def test_no_term_is_broken_where_it_fits_on_a_line(target: str, width: int) -> None:
     problem, plan = planned(target)
-    reasons = purposes(problem, plan)
+    reasons = step_purposes(problem, plan)
     shown = "\n".join(line.rstrip() for line in printed(target, width).splitlines())
     for step in plan.steps:
         assert all(term in shown for term in (str(step.operator), *reasons.get(step.id, ())))
@@ -136,7 +137,7 @@ def test_no_term_is_broken_where_it_fits_on_a_line(target: str, width: int) -> N
 
 def test_a_history_tells_what_is_done_how_long_and_in_which_order() -> None:
     problem, plan = planned("themse/two")
-    for history in histories(problem, plan):
+    for history in object_histories(problem, plan):
         assert [(each.stage.name, each.duration) for each in history.happenings][:2] == [
             ("heated", 900),
             ("cooled", 300),
@@ -152,4 +153,4 @@ def test_every_step_starts_when_all_before_it_have_ended() -> None:
     steps = {step.id: step for step in plan.steps}
     for step in plan.steps:
         assert starts[step.id] == max((starts[b] + steps[b].duration for b in step.after), default=0)
-    assert makespan(plan) == max(starts[step.id] + step.duration for step in plan.steps)
+    assert plan_makespan(plan) == max(starts[step.id] + step.duration for step in plan.steps)

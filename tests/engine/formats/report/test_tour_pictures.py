@@ -10,9 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.report.palette import colours
-from cellwright.engine.formats.report.tour_svg import CHANGE, NAMED, UPRIGHT, picture
-from cellwright.engine.model.tour import Tour, TourProblem, Visit
+from cellwright.engine.formats.report.drawing.colour_palette import assign_colours
+from cellwright.engine.formats.report.drawing.tour_svg import (
+    MAX_NAMED_VISITS,
+    MAX_UPRIGHT_COSINE,
+    TOOL_CHANGE_COLOUR,
+    draw_tour,
+)
+from cellwright.engine.model.tour_problem import Tour, TourProblem, Visit
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -27,7 +32,7 @@ def drawn(places: Sequence[Sequence[float]], tools: Sequence[str] = (), closed: 
     problem = TourProblem(
         "tried", visits, np.zeros((len(visits), len(visits)), dtype=np.int64), closed=closed
     )
-    found = picture(Tour(tuple(range(len(visits))), 0, 0), problem)
+    found = draw_tour(Tour(tuple(range(len(visits))), 0, 0), problem)
     assert found is not None
     return found
 
@@ -47,7 +52,7 @@ def test_points_on_a_plane_keep_their_distances(seed: int, count: int) -> None:
     places = flat @ turn + random.normal(size=3)
     seen = dots(drawn(places.tolist()))
     normal = np.cross(turn[0], turn[1])
-    if abs(normal[2]) > UPRIGHT:  # nearly level: seen from above
+    if abs(normal[2]) > MAX_UPRIGHT_COSINE:  # nearly level: seen from above
         places = places * np.array([1.0, 1.0, 0.0])
     real = np.linalg.norm(places[:, None] - places[None], axis=2)
     shown = np.linalg.norm(seen[:, None] - seen[None], axis=2)
@@ -68,26 +73,30 @@ def test_every_way_is_drawn_and_those_to_another_tool_are_marked(closed: bool) -
     text = drawn([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], ["a", "a", "b", "b"], closed)
     ways = [each for each in ElementTree.fromstring(text).iter(f"{SVG}path") if each.get("class") == "way"]
     assert len(ways) == 3 + closed
-    assert [each.get("stroke") == CHANGE for each in ways] == [False, True, False, True][: 3 + closed]
+    assert [each.get("stroke") == TOOL_CHANGE_COLOUR for each in ways] == [False, True, False, True][
+        : 3 + closed
+    ]
 
 
-@pytest.mark.parametrize("count", [1, 2, NAMED, NAMED + 1])
+@pytest.mark.parametrize("count", [1, 2, MAX_NAMED_VISITS, MAX_NAMED_VISITS + 1])
 def test_names_stand_beside_visits_unless_there_are_too_many(count: int) -> None:
     places = [(math.cos(n), math.sin(n) * n, 0.0) for n in range(count)]
     text = drawn(places)
     said = re.findall(r">(?:start |end )?(v\d+)</text>", text)
-    assert set(said) == ({f"v{n}" for n in range(count)} if count <= NAMED else {"v0", f"v{count - 1}"})
-    assert ("pointer" in text) == (count > NAMED)
+    assert set(said) == (
+        {f"v{n}" for n in range(count)} if count <= MAX_NAMED_VISITS else {"v0", f"v{count - 1}"}
+    )
+    assert ("pointer" in text) == (count > MAX_NAMED_VISITS)
 
 
 def test_visits_without_a_place_have_no_picture() -> None:
     problem = TourProblem("tried", (Visit("v"),), np.zeros((1, 1), dtype=np.int64))
-    assert picture(Tour((0,), 0, 0), problem) is None
+    assert draw_tour(Tour((0,), 0, 0), problem) is None
 
 
 @given(st.lists(st.text(max_size=4), max_size=300))
 def test_no_colour_is_used_twice(names: list[str]) -> None:
-    made = colours(names)
+    made = assign_colours(names)
     assert list(made) == list(dict.fromkeys(names))
     assert len(set(made.values())) == len(made)
     assert all(re.fullmatch("#[0-9a-f]{6}", each) for each in made.values())

@@ -11,13 +11,13 @@ import pytest
 
 import cellwright.engine.kernels.geometry
 from cellwright.engine.kernels.arrays import Floats, Longs
-from cellwright.engine.model.geometry import Piece
+from cellwright.engine.model.geometry import ConvexPiece
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
-from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver
-from cellwright.engine.stages.geometry.regions.index import boxes_around
-from cellwright.engine.stages.geometry.shapes.packing import grouped, pack
-from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel
+from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics, InverseSolver
+from cellwright.engine.stages.geometry.region_tree import boxes_around
+from cellwright.engine.stages.geometry.shapes.convex_pieces import group_pairs, pack_pieces
+from cellwright.kb.loader.arm_file import bundled_arms, load_arm
 from tests.engine.interpreted import interpreted_package
 
 Modules = dict[str, ModuleType]
@@ -36,7 +36,7 @@ def any_pose(rng: np.random.Generator, spread: float) -> Floats:
     return transforms.transform(R, rng.uniform(-spread, spread, 3))
 
 
-def any_piece(rng: np.random.Generator, carrier: int) -> Piece:
+def any_piece(rng: np.random.Generator, carrier: int) -> ConvexPiece:
     vertices = [
         np.zeros((1, 3)),
         np.array([[0, 0, -0.2], [0, 0, 0.2]]),
@@ -46,7 +46,7 @@ def any_piece(rng: np.random.Generator, carrier: int) -> Piece:
     ]
     kind = int(rng.integers(5))
     radius = 0.0 if kind == 2 else float(rng.uniform(0.02, 0.1))
-    return Piece(f"piece_{carrier}", carrier, any_pose(rng, 0.4), vertices[kind], radius, box=kind == 2)
+    return ConvexPiece(f"piece_{carrier}", carrier, any_pose(rng, 0.4), vertices[kind], radius, box=kind == 2)
 
 
 def a_scene(seed: int) -> SimpleNamespace:
@@ -56,8 +56,8 @@ def a_scene(seed: int) -> SimpleNamespace:
     numbers = [(i, j) for i, j in combinations(range(12), 2) if pieces[i].carrier != pieces[j].carrier]
     poses = np.array([[np.eye(4), *(any_pose(rng, 0.6) for _ in range(3))] for _ in range(3)])[:, :, :3]
     return SimpleNamespace(
-        packed=pack(pieces),
-        pairs=grouped(np.array(numbers), np.arange(12)),
+        packed=pack_pieces(pieces),
+        pairs=group_pairs(np.array(numbers), np.arange(12)),
         poses=np.ascontiguousarray(poses),
     )
 
@@ -109,7 +109,7 @@ def test_checks_of_scenes_are_the_same_both_ways(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_walks_down_a_tree_are_the_same_both_ways(seed: int) -> None:
     scene, found = a_scene(seed), []
-    standing = pack([any_piece(np.random.default_rng(seed + n), 0) for n in range(12)])
+    standing = pack_pieces([any_piece(np.random.default_rng(seed + n), 0) for n in range(12)])
     boxes = boxes_around(standing.bounds)
     for modules in BOTH:
         own, regions = copied(modules, scene).pieces, modules["regions"]
@@ -154,7 +154,9 @@ def test_inverse_kinematics_is_the_same_both_ways(name: str) -> None:
         inverse = modules["inverse"]
         q, valid, residual = np.zeros((6, 8, 6)), np.zeros((6, 8)), np.empty((6, 8))
         batch = inverse.Batch(form.directions, form.points, form.centre, poses, q, valid)
-        solve = inverse.parallel_axes if form.solver is Solver.PARALLEL_AXES else inverse.spherical_wrist
+        solve = (
+            inverse.parallel_axes if form.solver is InverseSolver.PARALLEL_AXES else inverse.spherical_wrist
+        )
         solve(batch)
         inverse.residuals(batch, residual)
         found.append((q, valid, residual))

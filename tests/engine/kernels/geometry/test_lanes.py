@@ -6,20 +6,21 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.geometry import lanes
 from cellwright.engine.kernels.geometry.angles import sine_cosine
 from cellwright.engine.kernels.geometry.edges import free_edges
 from cellwright.engine.kernels.geometry.proof import proved
-from cellwright.engine.model.geometry import Floats, Joints, Scene
+from cellwright.engine.model.geometry import CollisionScene, Joints
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
-from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
 from tests.engine.kernels.geometry.test_both_ways import PLAIN, any_piece, any_pose
 
 STEP = 0.05
 SEEDS = range(8)
 
 
-def any_ground(rng: np.random.Generator) -> Ground:
+def any_ground(rng: np.random.Generator) -> PlanningScene:
     """Joints of both kinds, in a tree, with pieces of all kinds on them and around."""
     count = int(rng.integers(2, 6))
     axes = rng.normal(size=(count, 3))
@@ -35,7 +36,9 @@ def any_ground(rng: np.random.Generator) -> Ground:
     pieces = tuple(any_piece(rng, carrier) for carrier in [*range(count + 1), *range(count + 1), 0, 0, 0])
     pairs = [(i, j) for i, j in combinations(range(len(pieces)), 2) if pieces[i].carrier != pieces[j].carrier]
     kept = [pair for pair in pairs if rng.random() < 0.35]
-    return Ground(BuiltinChecker(Scene(joints, pieces, np.array(kept, dtype=np.int64).reshape(-1, 2))))
+    return PlanningScene(
+        BuiltinChecker(CollisionScene(joints, pieces, np.array(kept, dtype=np.int64).reshape(-1, 2)))
+    )
 
 
 def places(a: Floats, b: Floats) -> Floats:

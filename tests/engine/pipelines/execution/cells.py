@@ -8,30 +8,38 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.execution import Finish, Record
-from cellwright.engine.pipelines.execution import Execution, Orders, Timed, Wanted, begin, named, resume
-from cellwright.engine.pipelines.execution.compiling import situation_of
-from cellwright.engine.pipelines.execution.planned import Ready, first
-from cellwright.engine.pipelines.execution.recorder import Recorder
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.simulation import SymbolicWorld
-from cellwright.engine.pipelines.simulator import HiddenCell, Injection, Simulator
-from cellwright.engine.pipelines.simulator.driver import fault_base
-from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.engine.model.run_protocol import Finish, JournalRecord
+from cellwright.engine.pipelines.execution import (
+    OrderSource,
+    RunExecution,
+    RunRequest,
+    TimedOrders,
+    begin_run,
+    name_run,
+    resume_run,
+)
+from cellwright.engine.pipelines.execution.compiled_program import initial_situation
+from cellwright.engine.pipelines.execution.executable_plan import ReadyPlan, first_plan
+from cellwright.engine.pipelines.execution.run_journal import Recorder
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.recovery import SymbolicWorld
+from cellwright.engine.pipelines.simulators import HiddenCell, Injection, Simulator
+from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
+from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store.journal import Journal
 
-BEGIN = sys.modules["cellwright.engine.pipelines.execution.begin"]
+BEGIN = sys.modules["cellwright.engine.pipelines.execution.run_start"]
 
 
 class Kept:
     """A journal in memory."""
 
     def __init__(self) -> None:
-        self.records: list[Record] = []
+        self.records: list[JournalRecord] = []
 
-    def append(self, records: Sequence[Record]) -> None:
+    def append(self, records: Sequence[JournalRecord]) -> None:
         self.records += records
 
 
@@ -40,28 +48,30 @@ class Killed(BaseException):
 
 
 @cache
-def planned(target: str) -> tuple[Problem, Ready]:
+def planned(target: str) -> tuple[Problem, ReadyPlan]:
     problem = problem_of(target)
-    found = first(problem)
-    assert isinstance(found, Ready)
+    found = first_plan(problem)
+    assert isinstance(found, ReadyPlan)
     return problem, found
 
 
 def executed(
     target: str,
     injections: Sequence[Injection] = (),
-    settings: Settings | None = None,
-    orders: Orders | None = None,
+    settings: SimulatorSettings | None = None,
+    orders: OrderSource | None = None,
     approve: bool = False,
-) -> tuple[Finish, list[Record], HiddenCell]:
+) -> tuple[Finish, list[JournalRecord], HiddenCell]:
     """A run in memory: how it ended, its records, and the cell as it really is."""
     problem, ready = planned(target)
     base = fault_base(problem)
     cell = HiddenCell(problem, base, tuple(injections))
-    driver = Simulator(cell, settings or Settings())
+    driver = Simulator(cell, settings or SimulatorSettings())
     kept = Kept()
-    execution = Execution("r", problem, driver, Recorder(kept, driver.now_ms), orders or Timed(), base)
-    ending = execution.start(ready, SymbolicWorld.of(problem, situation_of(problem).state), approve)
+    execution = RunExecution(
+        "r", problem, driver, Recorder(kept, driver.now_ms), orders or TimedOrders(), base
+    )
+    ending = execution.start(ready, SymbolicWorld.of(problem, initial_situation(problem).state), approve)
     return ending, kept.records, cell
 
 
@@ -75,11 +85,11 @@ def killed_and_resumed(
     """
     problem, ready = planned(target)
     options = {"log": str(folder / "cell.jsonl")} | ({"fault": fault} if fault else {})
-    wanted = named(Wanted(target, store=str(folder / "j.db"), options=options), problem)
+    wanted = name_run(RunRequest(target, store=str(folder / "j.db"), options=options), problem)
     ledger, plan = BEGIN.Ledger.append, BEGIN.first
     count = 0
 
-    def append(self: object, records: Sequence[Record]) -> None:
+    def append(self: object, records: Sequence[JournalRecord]) -> None:
         nonlocal count
         count += 1
         if count == group and not written:
@@ -91,10 +101,10 @@ def killed_and_resumed(
     ending: object = None
     BEGIN.Ledger.append, BEGIN.first = append, lambda *_: ready
     try:
-        begin(wanted, problem, Timed())
+        begin_run(wanted, problem, TimedOrders())
     except Killed:
         BEGIN.Ledger.append = ledger
-        ending = ended(wanted) or resume(wanted.store, wanted.run, Timed())
+        ending = ended(wanted) or resume_run(wanted.store, wanted.run, TimedOrders())
     finally:
         BEGIN.Ledger.append, BEGIN.first = ledger, plan
     log = Path(wanted.options["log"]).read_text(encoding="utf-8").splitlines()
@@ -104,12 +114,12 @@ def killed_and_resumed(
     ]
 
 
-def ended(wanted: Wanted) -> Finish | None:
+def ended(wanted: RunRequest) -> Finish | None:
     """How a run ended for good, as its journal tells; None if it did not. `resume` must refuse what is over."""
     with Journal(wanted.store) as journal:
         told = [line.content for line in journal.lines(wanted.run, kinds=["end"])]
     if not told or told[-1]["outcome"] not in BEGIN.OVER:
         return None
     with pytest.raises(InvalidInput, match=f"is over: {told[-1]['outcome']}"):
-        resume(wanted.store, wanted.run, Timed())
+        resume_run(wanted.store, wanted.run, TimedOrders())
     return Finish(wanted.run, told[-1]["outcome"], goals=tuple(told[-1]["goals"]))

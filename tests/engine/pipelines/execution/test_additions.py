@@ -4,11 +4,18 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.execution import Order, Record, RecordKind
-from cellwright.engine.model.task import Task
-from cellwright.engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
-from cellwright.engine.pipelines.execution.adding import addition, extended
-from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.model.ground_task import GroundTask
+from cellwright.engine.model.run_protocol import JournalRecord, OperatorCommand, RecordKind
+from cellwright.engine.pipelines.execution import (
+    GivenOrder,
+    RunRequest,
+    TimedOrders,
+    begin_run,
+    name_run,
+    resume_run,
+)
+from cellwright.engine.pipelines.execution.run_goals import extend_problem, read_addition
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.stages.grounding import _Grounding, ground
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal
@@ -18,11 +25,11 @@ FOUR = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four
 URGENT = "due(t4, 15 min); priority(t4, 10)"
 
 
-def added(text: str, at_ms: int) -> Timed:
-    return Timed([(at_ms, Given(Order.ADD, text))])
+def added(text: str, at_ms: int) -> TimedOrders:
+    return TimedOrders([(at_ms, GivenOrder(OperatorCommand.ADD, text))])
 
 
-def baked(records: list[Record]) -> list[str]:
+def baked(records: list[JournalRecord]) -> list[str]:
     """The trays in the order in which their baking begins."""
     sent = [each for each in records if each.kind is RecordKind.COMMAND]
     return [each.content["action"][5:7] for each in sent if each.content["action"].startswith("bake(")]
@@ -53,10 +60,12 @@ def test_a_further_command_comes_with_its_due_date() -> None:
 @pytest.mark.slow
 def test_a_run_that_stops_behind_a_due_date_keeps_it(tmp_path: Path) -> None:
     problem, _ = planned(FOUR)
-    wanted = named(Wanted(FOUR, store=str(tmp_path / "j.db")), problem)
-    orders = Timed([(7_000, Given(Order.ADD, URGENT)), (8_000, Given(Order.STOP))])
-    assert begin(wanted, problem, orders).outcome == "stopped"
-    assert resume(wanted.store, wanted.run, Timed()).outcome == "reached"
+    wanted = name_run(RunRequest(FOUR, store=str(tmp_path / "j.db")), problem)
+    orders = TimedOrders(
+        [(7_000, GivenOrder(OperatorCommand.ADD, URGENT)), (8_000, GivenOrder(OperatorCommand.STOP))]
+    )
+    assert begin_run(wanted, problem, orders).outcome == "stopped"
+    assert resume_run(wanted.store, wanted.run, TimedOrders()).outcome == "reached"
     with Journal(wanted.store) as journal:
         done = [line.content["action"] for line in journal.lines(wanted.run, kinds=["done"])]
     assert "t4" in [each[5:7] for each in done if each.startswith("bake(")][:2]
@@ -67,14 +76,14 @@ def test_a_run_that_stops_behind_a_due_date_keeps_it(tmp_path: Path) -> None:
 )
 def test_what_is_wrong_with_a_wish_is_told(text: str) -> None:
     with pytest.raises(InvalidInput):
-        addition(problem_of(FOUR), text)
+        read_addition(problem_of(FOUR), text)
 
 
 def test_a_wish_takes_the_place_of_an_older_one_and_counts_from_now() -> None:
     problem = problem_of(FOUR)
     for at_ms, text in ((0, "due(t4, 15 min)"), (60_000, "due(t4, 5 min)"), (60_000, "due(t3, 1 h)")):
-        more = addition(problem, text, at_ms)
-        problem = extended(problem, more.words, more.wishes)
+        more = read_addition(problem, text, at_ms)
+        problem = extend_problem(problem, more.words, more.wishes)
     assert list(map(str, problem.statics)) == ["due(t4, 360)", "due(t3, 3660)"]
 
 
@@ -100,7 +109,7 @@ def test_only_what_plans_name_of_many_points_is_grounded(
 ) -> None:
     sizes = list[int]()
 
-    def counted(self: _Grounding) -> Task:
+    def counted(self: _Grounding) -> GroundTask:
         made = whole(self)
         sizes.append(len(made.operators))
         return made

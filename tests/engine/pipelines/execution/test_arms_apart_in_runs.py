@@ -6,12 +6,11 @@ import pytest
 
 pytest.importorskip("numpy")
 
-from cellwright.engine.pipelines.execution.apart import Apart, moment_of
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
-from cellwright.engine.pipelines.moves.states import states_of
-from cellwright.engine.pipelines.moves.walking import Walk
-from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.execution.run_motions import ArmInterlock, step_moment
+from cellwright.engine.pipelines.motion.moving_plan import MovingRun, plan_moving
+from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, states_of
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.plugins import geometry_backend
 from cellwright.kb.loader.cell import cell_of
 from tests.engine.pipelines.execution.test_obstacles import (
@@ -28,21 +27,21 @@ CRATE_AT = "0.30, 0.30, 0.30"  # where the left arm passes on its way to the mid
 
 
 @pytest.fixture(scope="module")
-def made() -> Moving:
+def made() -> MovingRun:
     return plan_moving(problem_of(TARGET), cell_of(TARGET), geometry_backend(), planned)
 
 
-def test_a_step_is_not_begun_where_another_arm_is_on_its_way(made: Moving) -> None:
-    walk = Walk(PlanGate().semantics(made.problem), cell_of(TARGET), geometry_backend())
+def test_a_step_is_not_begun_where_another_arm_is_on_its_way(made: MovingRun) -> None:
+    walk = PlanWalk(PlanGate().semantics(made.problem), cell_of(TARGET), geometry_backend())
     assert made.sharing is not None
     zone = made.sharing.zones[0].steps
     before, after, moved = {}, {}, {each.step: each for each in made.steps}
     for step, was, now in states_of(walk.semantics, made.run.outcome.plan):  # type: ignore[union-attr]
         before[step.id], after[step.id] = was, now
     one, other = zone["left"][0], zone["right"][0]
-    apart, where = Apart.of(walk.cell), walk.hands.where()
+    apart, where = ArmInterlock.of(walk.cell), walk.hands.where()
     assert apart is not None
-    moments = [moment_of(walk, moved[each], before[each], after[each]) for each in (one, other)]
+    moments = [step_moment(walk, moved[each], before[each], after[each]) for each in (one, other)]
     assert apart.met(1, moments[0], where) == ""
     assert apart.met(2, moments[1], where) == "right would meet left on its way"
     apart.ended(1)

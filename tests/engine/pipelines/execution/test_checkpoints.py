@@ -7,18 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.execution import Order, Record, RecordKind
-from cellwright.engine.pipelines.execution import Given, Timed
+from cellwright.engine.model.run_protocol import JournalRecord, OperatorCommand, RecordKind
+from cellwright.engine.pipelines.execution import GivenOrder, TimedOrders
 from cellwright.engine.pipelines.execution.checkpoints import past_of
-from cellwright.engine.pipelines.execution.compiling import situation_of
-from cellwright.engine.pipelines.execution.records import compiled_of
-from cellwright.engine.pipelines.execution.resuming import Past
-from cellwright.engine.pipelines.execution.scope import Scope
-from cellwright.engine.pipelines.execution.settling import standing_again
-from cellwright.engine.pipelines.simulation import Memory, SymbolicWorld
-from cellwright.engine.pipelines.simulator import Injection
-from cellwright.engine.pipelines.simulator.driver import fault_base
-from cellwright.kb.store.journal import Line
+from cellwright.engine.pipelines.execution.compiled_program import initial_situation
+from cellwright.engine.pipelines.execution.plan_records import compiled_of
+from cellwright.engine.pipelines.execution.run_goals import RunScope
+from cellwright.engine.pipelines.execution.run_resumption import PastRun, standing_again
+from cellwright.engine.pipelines.recovery import KeptHistory, SymbolicWorld
+from cellwright.engine.pipelines.simulators import Injection
+from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
+from cellwright.kb.store.journal import JournalLine
 from tests.engine.pipelines.execution.cells import executed, planned
 
 BAKERY = str(Path(__file__).parents[3] / "domains" / "bakery" / "problems" / "four.yaml")
@@ -33,31 +32,31 @@ RUNS = {
 class Part:
     """The first lines of a journal."""
 
-    def __init__(self, records: Sequence[Record]) -> None:
-        self.all = [Line(r.number, r.at_ms, r.kind.value, r.content) for r in records]
+    def __init__(self, records: Sequence[JournalRecord]) -> None:
+        self.all = [JournalLine(r.number, r.at_ms, r.kind.value, r.content) for r in records]
 
     def last(self, _run: str, kind: str = "", before: int | None = None) -> int:
         some = self.all if before is None else self.all[: before - 1]
         return max((each.number for each in some if kind in ("", each.kind)), default=0)
 
-    def line(self, _run: str, number: int) -> Line:
+    def line(self, _run: str, number: int) -> JournalLine:
         return self.all[number - 1]
 
-    def lines(self, _run: str, after: int = 0) -> Iterator[Line]:
+    def lines(self, _run: str, after: int = 0) -> Iterator[JournalLine]:
         yield from self.all[after:]
 
 
 @cache
-def records_of(name: str) -> tuple[Record, ...]:
+def records_of(name: str) -> tuple[JournalRecord, ...]:
     target, faults, orders = RUNS[name]
-    given = Timed([(at_ms, Given(Order.ADD, text)) for at_ms, text in orders])
+    given = TimedOrders([(at_ms, GivenOrder(OperatorCommand.ADD, text)) for at_ms, text in orders])
     return tuple(executed(target, faults, orders=given)[1])
 
 
-def past(name: str, records: Sequence[Record], checkpoints: bool) -> Past:
+def past(name: str, records: Sequence[JournalRecord], checkpoints: bool) -> PastRun:
     problem, _ = planned(RUNS[name][0])
-    start = SymbolicWorld.of(problem, situation_of(problem).state)
-    found = Past(start, Scope(problem), Memory.of(fault_base(problem)))
+    start = SymbolicWorld.of(problem, initial_situation(problem).state)
+    found = PastRun(start, RunScope(problem), KeptHistory.of(fault_base(problem)))
     if checkpoints:
         return past_of(Part(records), "r", found)  # type: ignore[arg-type]
     for each in records:
@@ -65,7 +64,7 @@ def past(name: str, records: Sequence[Record], checkpoints: bool) -> Past:
     return found
 
 
-def essence(found: Past) -> dict[str, object]:
+def essence(found: PastRun) -> dict[str, object]:
     """What a run goes on with."""
     assert found.plan is not None
     standing = standing_again(compiled_of(found.plan), found, found.at_ms)
@@ -99,9 +98,9 @@ def essence(found: Past) -> dict[str, object]:
 def test_a_run_from_its_last_checkpoint_is_the_run_from_its_beginning(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.running.EVERY", 9)
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.LONG", 4)
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.PAGE", 3)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.run_control.EVERY", 9)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.MIN_PAGED_STEPS", 4)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.STEPS_PER_PAGE", 3)
     records = records_of(name)
     said = [set(each.content) for each in records if each.kind is RecordKind.CHECKPOINT]
     assert {"rest"} in said

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.execution import Order, RecordKind
-from cellwright.engine.pipelines.execution import Given, Timed
-from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.engine.model.run_protocol import OperatorCommand, RecordKind
+from cellwright.engine.pipelines.execution import GivenOrder, TimedOrders
+from cellwright.engine.pipelines.recovery import Dynamics
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load_problem
 from cellwright.kb.terms import Function
@@ -62,11 +62,11 @@ def levels(facts: set[str]) -> list[str]:
 @pytest.mark.parametrize("done", ["dose(a, 10)", "dose(b, 20)", "dose(c, 30)", "dose(d, 40)"])
 def test_what_is_done_by_hand_out_of_turn_counts_from_the_value_that_there_is(four: str, done: str) -> None:
     orders = [
-        (5_000, Given(Order.INTERRUPT)),
-        (15_000, Given(Order.SKIP, done)),
-        (15_001, Given(Order.CONTINUE)),
+        (5_000, GivenOrder(OperatorCommand.INTERRUPT)),
+        (15_000, GivenOrder(OperatorCommand.SKIP, done)),
+        (15_001, GivenOrder(OperatorCommand.CONTINUE)),
     ]
-    ending, records, _ = executed(four, orders=Timed(orders))
+    ending, records, _ = executed(four, orders=TimedOrders(orders))
     said = [each.content.get("what", "") for each in records if each.kind is RecordKind.DECISION]
     first = next(each.content["action"] for each in records if each.kind is RecordKind.DONE)
     assert ("skip refused" in said) == (first.replace(" ", "") == done.replace(" ", ""))

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.pipelines.execution import Wanted, listed
-from cellwright.engine.pipelines.execution.faults import settled
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.simulator.driver import fault_base
+from cellwright.engine.pipelines.execution import RunRequest, list_run
+from cellwright.engine.pipelines.execution.run_start import settle_faults
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal
 from tests.engine.pipelines.execution.cells import planned
@@ -27,8 +27,8 @@ def test_faults_that_no_plan_can_have_are_refused_before_one_is_made(
     tmp_path: Path, fault: str, said: str
 ) -> None:
     store = str(tmp_path / "runs.db")
-    wanted = Wanted("themse/one", store=store, options={"fault": fault})
-    with pytest.raises(InvalidInput) as refused, listed(wanted, problem_of("themse/one")):
+    wanted = RunRequest("themse/one", store=store, options={"fault": fault})
+    with pytest.raises(InvalidInput) as refused, list_run(wanted, problem_of("themse/one")):
         pytest.fail("a plan would be made now")
     (found,) = refused.value.diagnostics
     assert said in f"{found.message} {found.hint}"
@@ -39,5 +39,5 @@ def test_faults_that_no_plan_can_have_are_refused_before_one_is_made(
 def test_a_misspelt_operator_is_named() -> None:
     problem, ready = planned("themse/in_furnace")
     with pytest.raises(InvalidInput) as refused:
-        settled("pikc=not_gripped", ready, fault_base(problem))
+        settle_faults("pikc=not_gripped", ready, fault_base(problem))
     assert refused.value.diagnostics[0].hint == "did you mean 'pick'?"

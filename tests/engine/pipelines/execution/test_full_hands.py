@@ -2,17 +2,16 @@
 
 import pytest
 
-from cellwright.engine.model.execution import Order, Phase, Record, RecordKind
-from cellwright.engine.pipelines.execution import Given, Timed
-from cellwright.engine.pipelines.execution.compiling import situation_of
-from cellwright.engine.pipelines.execution.course import Course
-from cellwright.engine.pipelines.execution.records import compiled_of
-from cellwright.engine.pipelines.execution.resuming import Past
-from cellwright.engine.pipelines.execution.scope import Scope
-from cellwright.engine.pipelines.execution.settling import standing_again
-from cellwright.engine.pipelines.simulation import SymbolicWorld
-from cellwright.engine.pipelines.simulator import Injection
-from cellwright.engine.stages.execution.outlook import Accuracy
+from cellwright.engine.model.run_protocol import JournalRecord, OperatorCommand, RecordKind, RunPhase
+from cellwright.engine.pipelines.execution import GivenOrder, TimedOrders
+from cellwright.engine.pipelines.execution.compiled_program import initial_situation
+from cellwright.engine.pipelines.execution.plan_records import compiled_of
+from cellwright.engine.pipelines.execution.run_goals import RunScope
+from cellwright.engine.pipelines.execution.run_loop import RunLoop
+from cellwright.engine.pipelines.execution.run_resumption import PastRun, standing_again
+from cellwright.engine.pipelines.recovery import SymbolicWorld
+from cellwright.engine.pipelines.simulators import Injection
+from cellwright.engine.stages.execution.start_forecast import Accuracy
 from tests.engine.pipelines.execution.cells import executed, planned
 
 PICK, STORE = "pick(probe_1, slot(drawer, 1))", "put(probe_1, slot(drawer, 1))"
@@ -25,16 +24,16 @@ Flushed = list[tuple[int, frozenset[str], bool]]
 def flushed(monkeypatch: pytest.MonkeyPatch) -> Flushed:
     """After each group of records: the last one's number, the hands that hold something, and whether a case is open."""
     seen: Flushed = []
-    flush = Course.flush
+    flush = RunLoop.flush
     known.clear()
 
-    def followed(course: Course) -> None:
+    def followed(course: RunLoop) -> None:
         flush(course)
-        quiet = course.standing.phase in (Phase.QUIESCING, Phase.HANDLING)
+        quiet = course.standing.phase in (RunPhase.QUIESCING, RunPhase.HANDLING)
         seen.append((course.recorder.last, course.standing.unrested, quiet))
         known[course.recorder.last] = course.accuracy
 
-    monkeypatch.setattr(Course, "flush", followed)
+    monkeypatch.setattr(RunLoop, "flush", followed)
     return seen
 
 
@@ -49,7 +48,7 @@ def flushed(monkeypatch: pytest.MonkeyPatch) -> Flushed:
 def test_what_is_in_the_hands_follows_from_the_journal(step: str, cause: str, flushed: Flushed) -> None:
     problem, _ = planned("themse/one")
     _, records, _ = executed("themse/one", [Injection(step, cause)])
-    past, read = Past(SymbolicWorld.of(problem, situation_of(problem).state), Scope(problem)), 0
+    past, read = PastRun(SymbolicWorld.of(problem, initial_situation(problem).state), RunScope(problem)), 0
     for number, full, open_case in flushed:
         for record in records[read:number]:
             past.take(record)
@@ -63,7 +62,9 @@ def test_what_is_in_the_hands_follows_from_the_journal(step: str, cause: str, fl
 def test_a_pause_that_was_asked_for_before_or_during_an_exception_comes_once_it_is_put_right(
     order_ms: int,
 ) -> None:
-    orders = Timed([(order_ms, Given(Order.INTERRUPT)), (100_000, Given(Order.CONTINUE))])
+    orders = TimedOrders(
+        [(order_ms, GivenOrder(OperatorCommand.INTERRUPT)), (100_000, GivenOrder(OperatorCommand.CONTINUE))]
+    )
     ending, records, _ = executed("themse/one", [Injection(PICK, "not_gripped")], orders=orders)
     (paused,) = pauses(records)
     assert (ending.outcome, paused.at_ms) == ("reached", 32_000)  # nothing is in the gripper yet
@@ -71,7 +72,7 @@ def test_a_pause_that_was_asked_for_before_or_during_an_exception_comes_once_it_
 
 
 def test_after_an_exception_with_something_in_the_hand_a_pause_waits_until_it_is_put_down() -> None:
-    orders = Timed([(17_500, Given(Order.INTERRUPT))])
+    orders = TimedOrders([(17_500, GivenOrder(OperatorCommand.INTERRUPT))])
     _, records, _ = executed("themse/one", [Injection(BRING, "probe_slipped")], orders=orders)
     recovery = next(r for r in records if r.kind is RecordKind.PLAN and r.content["why"] == "recovery")
     assert recovery.content["full"] == ["mars_gripper"]
@@ -82,5 +83,5 @@ def test_after_an_exception_with_something_in_the_hand_a_pause_waits_until_it_is
     assert done == [BRING]
 
 
-def pauses(records: list[Record]) -> list[Record]:
+def pauses(records: list[JournalRecord]) -> list[JournalRecord]:
     return [each for each in records if each.kind is RecordKind.PHASE and each.content["phase"] == "paused"]

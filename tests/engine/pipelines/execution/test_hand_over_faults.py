@@ -2,9 +2,9 @@
 
 import pytest
 
-from cellwright.engine.model.execution import RecordKind
-from cellwright.engine.pipelines.simulator import Injection
-from cellwright.engine.pipelines.simulator.driver import fault_base
+from cellwright.engine.model.run_protocol import RecordKind
+from cellwright.engine.pipelines.simulators import Injection
+from cellwright.engine.pipelines.simulators.virtual_clock import fault_base
 from tests.engine.pipelines.execution.cells import executed, planned
 
 STEP = "hand_over(left, right, rod_1)"

@@ -8,23 +8,31 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cellwright.engine.kernels.rigid import apply, difference, transform, turned
-from cellwright.engine.model.execution import Finish, Order, RecordKind
-from cellwright.engine.pipelines.execution import Given, Scope, Timed, Wanted, begin, named, resume
-from cellwright.engine.pipelines.moves.leaving_out import within_reach
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.results import survey_of
-from cellwright.engine.pipelines.simulator.truth import believed, read_truth
+from cellwright.engine.kernels.rigid import apply, difference, rotation_by_vector, transform
+from cellwright.engine.model.run_protocol import Finish, OperatorCommand, RecordKind
+from cellwright.engine.pipelines.execution import (
+    GivenOrder,
+    RunRequest,
+    RunScope,
+    TimedOrders,
+    begin_run,
+    name_run,
+    resume_run,
+)
+from cellwright.engine.pipelines.execution.run_results import survey_of
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.goal_selection import drop_unreachable_goals
+from cellwright.engine.pipelines.simulators.true_part import displacement_of, read_truth
 from cellwright.kb.asp import ground_term
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.store.journal import Journal, Line
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.store.journal import Journal, JournalLine
 from cellwright.kb.terms import Function
 from tests.places import BUNDLED
 
 SHIFT_MM, TURN_DEG = [12.0, -20.0, 9.0], [1.5, -2.0, 3.0]
-TRUE = transform(turned(np.radians(TURN_DEG)), 1e-3 * np.array(SHIFT_MM))
+TRUE = transform(rotation_by_vector(np.radians(TURN_DEG)), 1e-3 * np.array(SHIFT_MM))
 DATUMS, POINTS = 15, 9
 
 
@@ -58,17 +66,19 @@ def job(folder: Path, bad: dict[str, float]) -> Path:
     return folder / "job.yaml"
 
 
-def inspected(folder: Path, orders: Timed, bad: dict[str, float]) -> tuple[Finish, list[Line], str]:
+def inspected(
+    folder: Path, orders: TimedOrders, bad: dict[str, float]
+) -> tuple[Finish, list[JournalLine], str]:
     target, store = job(folder, bad), str(folder / "runs.db")
     problem = load(target).problem
     assert problem is not None
-    wanted = Wanted(str(target), store=store, run="one", options={"truth": str(folder / "truth.json")})
-    ending = begin(named(wanted, problem), problem, orders)
+    wanted = RunRequest(str(target), store=store, run="one", options={"truth": str(folder / "truth.json")})
+    ending = begin_run(name_run(wanted, problem), problem, orders)
     assert isinstance(ending, Finish)
     return ending, lines_of(store), store
 
 
-def lines_of(store: str) -> list[Line]:
+def lines_of(store: str) -> list[JournalLine]:
     with Journal(store) as journal:
         return list(journal.lines("one"))
 
@@ -77,11 +87,13 @@ BAD = {"d4": 4000.0, "p5": -600.0}
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Finish, list[Line], str]:
-    return inspected(tmp_path_factory.mktemp("inspected"), Timed(), BAD)
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Finish, list[JournalLine], str]:
+    return inspected(tmp_path_factory.mktemp("inspected"), TimedOrders(), BAD)
 
 
-def test_the_part_is_found_before_anything_else_is_measured(run: tuple[Finish, list[Line], str]) -> None:
+def test_the_part_is_found_before_anything_else_is_measured(
+    run: tuple[Finish, list[JournalLine], str],
+) -> None:
     ending, lines, _ = run
     assert ending.outcome == "reached"
     told = [line for line in lines if line.kind == RecordKind.ALIGNMENT.value]
@@ -90,14 +102,14 @@ def test_the_part_is_found_before_anything_else_is_measured(run: tuple[Finish, l
     assert {line.content["of"] for line in measured if line.number < told[0].number} == {
         f"d{n}" for n in range(1, DATUMS + 1)
     }
-    T = believed(told[0].content["part"])
+    T = displacement_of(told[0].content["part"])
     assert np.linalg.norm(apply(T, np.zeros((1, 3))) - apply(TRUE, np.zeros((1, 3)))) < 1e-4
     assert np.degrees(difference(T, TRUE)[1]) < 0.02
     assert told[0].content["wrong"] == ["d4"]
 
 
 def test_every_command_behind_the_datums_says_where_the_part_lies(
-    run: tuple[Finish, list[Line], str],
+    run: tuple[Finish, list[JournalLine], str],
 ) -> None:
     _, lines, _ = run
     told = next(line for line in lines if line.kind == RecordKind.ALIGNMENT.value)
@@ -106,7 +118,7 @@ def test_every_command_behind_the_datums_says_where_the_part_lies(
     assert not any("part" in line.content for line in sent if line.number < told.number)
 
 
-def test_bad_values_are_repeated_and_left_out(run: tuple[Finish, list[Line], str]) -> None:
+def test_bad_values_are_repeated_and_left_out(run: tuple[Finish, list[JournalLine], str]) -> None:
     survey = survey_of(run[2], "one").survey
     assert survey is not None
     features = {each.of: each for each in survey.features}
@@ -118,13 +130,13 @@ def test_bad_values_are_repeated_and_left_out(run: tuple[Finish, list[Line], str
 
 @pytest.mark.slow
 def test_a_run_that_is_stopped_goes_on_where_the_part_lies(tmp_path: Path) -> None:
-    _, whole, _ = inspected(made_in(tmp_path, "whole"), Timed(), BAD)
+    _, whole, _ = inspected(made_in(tmp_path, "whole"), TimedOrders(), BAD)
     found = next(line for line in whole if line.kind == RecordKind.ALIGNMENT.value)
     for name, at_ms in (("before", found.at_ms - 2_000), ("behind", found.at_ms + 25_000)):
         folder = made_in(tmp_path, name)
-        stopped, _, store = inspected(folder, Timed([(at_ms, Given(Order.STOP))]), BAD)
+        stopped, _, store = inspected(folder, TimedOrders([(at_ms, GivenOrder(OperatorCommand.STOP))]), BAD)
         assert stopped.outcome == "stopped"
-        ending = resume(store, "one", Timed())
+        ending = resume_run(store, "one", TimedOrders())
         assert ending.outcome == "reached"
         lines = lines_of(store)
         told = [line.content["part"] for line in lines if line.kind == RecordKind.ALIGNMENT.value]
@@ -144,7 +156,7 @@ def made_in(parent: Path, name: str) -> Path:
 def test_datums_that_fit_nowhere_are_a_case_for_the_fault_base(tmp_path: Path) -> None:
     chance = random.Random(2)
     bad = {f"d{n}": chance.choice([-1, 1]) * chance.uniform(5_000, 90_000) for n in range(1, 10)}
-    ending, lines, _ = inspected(tmp_path, Timed(), bad)
+    ending, lines, _ = inspected(tmp_path, TimedOrders(), bad)
     told = [line for line in lines if line.kind == RecordKind.ALIGNMENT.value]
     assert told[0].content["part"] == []
     assert "fits more than" in told[0].content["why"]
@@ -187,9 +199,9 @@ def test_datums_that_cannot_hold_the_part_are_refused_before_anything_is_measure
     target.write_text("\n".join([*lines[:at], *datums, *lines[at:], ""]))
     problem = load(target).problem
     assert problem is not None
-    wanted = Wanted(str(target), store=str(tmp_path / "runs.db"), run="one")
+    wanted = RunRequest(str(target), store=str(tmp_path / "runs.db"), run="one")
     with pytest.raises(InvalidInput) as refused:
-        begin(named(wanted, problem), problem, Timed())
+        begin_run(name_run(wanted, problem), problem, TimedOrders())
     (said,) = refused.value.diagnostics
     assert said.message == "the datums leave a shift along (0.00, 0.00, 1.00) free"
     helpers = re.findall(r"alignment\((\w+), 1\)", said.hint or "")
@@ -203,9 +215,9 @@ def test_what_was_given_up_before_the_run_is_told_with_its_reason_before_what_no
     target, store = job(tmp_path, {}), str(tmp_path / "runs.db")
     goals = "measured(_, _, meas(p2)), measured(_, _, meas(p5))"
     told = problem_of(str(target), goals)
-    left, given_up = within_reach(told, {"p5": "the jig is in the way"})
-    asked = named(Wanted(str(target), goals, store=store), told)
-    begin(asked, left, Timed(), scope=Scope(left, given_up))
+    left, given_up = drop_unreachable_goals(told, {"p5": "the jig is in the way"})
+    asked = name_run(RunRequest(str(target), goals, store=store), told)
+    begin_run(asked, left, TimedOrders(), scope=RunScope(left, given_up))
     shown = survey_of(store, asked.run).survey
     assert shown is not None
     assert [each.of for each in shown.features] == ["p2"]

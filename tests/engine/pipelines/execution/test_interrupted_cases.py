@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-from cellwright.engine.model.execution import RecordKind
-from cellwright.engine.pipelines.execution import handling
-from cellwright.engine.pipelines.execution.commands import command_of
-from cellwright.engine.pipelines.execution.compiling import alone
-from cellwright.engine.pipelines.execution.replies import matched
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.simulation import WorldState
-from cellwright.engine.pipelines.simulator import HiddenCell, Injection
+from cellwright.engine.model.run_protocol import RecordKind
+from cellwright.engine.pipelines.execution import exception_handler
+from cellwright.engine.pipelines.execution.compiled_program import activity_alone
+from cellwright.engine.pipelines.execution.run_progress import command_of, match_reply
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.recovery import WorldState
+from cellwright.engine.pipelines.simulators import HiddenCell, Injection
 from cellwright.kb.asp import ground_term
-from cellwright.kb.model.domain import Command
-from cellwright.kb.model.plan import Step, StepId
+from cellwright.kb.model.domain_model import Command
+from cellwright.kb.model.plan_model import Step, StepId
 from cellwright.kb.terms import Function, Variable
 from tests.engine.pipelines.execution import cells
 from tests.engine.pipelines.execution.cells import executed
@@ -33,12 +32,12 @@ def test_what_was_done_before_a_preparing_step_failed_is_believed(monkeypatch: p
             super().__post_init__()
             made.append(self)
 
-    def believe(handler: handling.ExceptionHandler, state: WorldState, why: str) -> None:
+    def believe(handler: exception_handler.ExceptionHandler, state: WorldState, why: str) -> None:
         wrong.extend(f"{why}: {fact}" for fact in state.facts ^ made[-1].world.state.facts)
         handler.course.world.become(state)
 
     monkeypatch.setattr(cells, "HiddenCell", Watched)
-    monkeypatch.setattr(handling.ExceptionHandler, "_believe", believe)
+    monkeypatch.setattr(exception_handler.ExceptionHandler, "_believe", believe)
     ending, records, _ = executed("bulkhead/both_tools", [MOVED, BETWEEN])
     assert wrong == []
     assert ending.outcome == "reached"
@@ -51,19 +50,19 @@ def test_a_step_outside_of_a_plan_is_sent_as_the_domain_says() -> None:
     domain = problem_of("themse/one").domain
     sense = ground_term("sense(slippage)")
     assert isinstance(sense, Function)
-    activity, pattern = alone(domain, Step(StepId(1), sense, (), (Function("slippage"),), 1))
+    activity, pattern = activity_alone(domain, Step(StepId(1), sense, (), (Function("slippage"),), 1))
     command = command_of(7, activity)
     assert (command.number, command.stream, command.expects) == (7, "sensor(slippage)", "value(Reading)")
-    assert matched(pattern, "value(slipping)") == {Variable("Reading"): Function("slipping")}
-    assert matched(pattern, "no_reading") is None
+    assert match_reply(pattern, "value(slipping)") == {Variable("Reading"): Function("slipping")}
+    assert match_reply(pattern, "no_reading") is None
 
 
 def test_a_step_without_a_declared_command_goes_to_its_first_resource() -> None:
     domain = problem_of("themse/one").domain
     plain = replace(domain, operators=tuple(replace(each, command=None) for each in domain.operators))
     opening = Step(StepId(1), Function("open_drawer"), (), (Function("mars_gripper"), Function("drawer")))
-    command = command_of(0, alone(plain, opening)[0])
+    command = command_of(0, activity_alone(plain, opening)[0])
     assert (command.stream, command.says) == ("mars_gripper", "open_drawer")
     told = Command(Function("arm"), Function("ok"))
     other = replace(domain, operators=tuple(replace(each, command=told) for each in domain.operators))
-    assert alone(other, opening)[0].expects == "ok"
+    assert activity_alone(other, opening)[0].expects == "ok"

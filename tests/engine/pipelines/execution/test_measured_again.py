@@ -7,13 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellwright.engine.model.execution import Finish, RecordKind
-from cellwright.engine.model.verdicts import Feature, Survey
-from cellwright.engine.pipelines.execution import Timed, Wanted, begin, named
-from cellwright.engine.pipelines.execution.inspecting import reopened
-from cellwright.engine.pipelines.results import survey_of
-from cellwright.engine.pipelines.simulator.drifting import Drifting, drift_of
-from cellwright.engine.pipelines.simulator.truth import believed, read_truth
+from cellwright.engine.model.run_protocol import Finish, RecordKind
+from cellwright.engine.model.verdicts import MeasuredFeature, Survey
+from cellwright.engine.pipelines.execution import RunRequest, TimedOrders, begin_run, name_run
+from cellwright.engine.pipelines.execution.remeasurement import reopen_measurements
+from cellwright.engine.pipelines.execution.run_results import survey_of
+from cellwright.engine.pipelines.simulators.true_part import (
+    DriftingTools,
+    displacement_of,
+    drift_of,
+    read_truth,
+)
 from cellwright.kb.asp import ground_term
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load, load_problem
@@ -29,15 +33,15 @@ def carried_out(folder: Path, target: str, truth: dict[str, Any], seed: int = 1)
     file, store = folder / "truth.json", str(folder / "runs.db")
     file.write_text(json.dumps(truth))
     problem = load_problem(target)
-    wanted = Wanted(target, store=store, run="one", seed=seed, options={"truth": str(file)})
-    ending = begin(named(wanted, problem), problem, Timed())
+    wanted = RunRequest(target, store=store, run="one", seed=seed, options={"truth": str(file)})
+    ending = begin_run(name_run(wanted, problem), problem, TimedOrders())
     assert isinstance(ending, Finish)
     survey = survey_of(store, "one").survey
     assert survey is not None
     return ending, survey
 
 
-def features(survey: Survey) -> dict[str, Feature]:
+def features(survey: Survey) -> dict[str, MeasuredFeature]:
     return {each.of: each for each in survey.features}
 
 
@@ -48,7 +52,7 @@ def walled(**others: float) -> dict[str, Any]:
 
 def test_a_goal_that_any_tool_may_reach_is_opened_for_the_one_that_is_named() -> None:
     problem = load_problem("gauging/two_probes")
-    again = reopened(problem, {"w6": "fine_probe", "w2": ""}, ())
+    again = reopen_measurements(problem, {"w6": "fine_probe", "w2": ""}, ())
     assert sorted(str(each).replace(" ", "") for each in goal_parts(again.goal)) == [
         "measured(_,_,meas(w2))",
         "measured(fine_probe,_,meas(w6))",
@@ -119,7 +123,7 @@ def test_a_drift_within_the_allowance_is_corrected_and_nothing_is_in_doubt(tmp_p
 def test_a_drifting_tool_is_farther_off_with_each_value_until_it_is_calibrated() -> None:
     drift = drift_of({**DRIFT, "values": 3})
     assert not isinstance(drift, str)
-    tools, calibrate = Drifting({"probe": drift}), ground_term("calibrate(robot, probe)")
+    tools, calibrate = DriftingTools({"probe": drift}), ground_term("calibrate(robot, probe)")
     assert isinstance(calibrate, Function)
     assert [tools.measured("probe") for _ in range(5)] == [0.0, 2.5, 5.0, 7.5, 7.5]
     assert tools.measured("other") == 0.0
@@ -165,7 +169,7 @@ def test_datums_are_measured_again_until_the_part_is_known_well_enough(tmp_path:
     assert kinds.count(RecordKind.ALIGNMENT.value) == 1
     problem = load(Path(target)).problem
     assert problem is not None
-    off = believed(survey.part) @ np.linalg.inv(TRUE) - np.eye(4)
+    off = displacement_of(survey.part) @ np.linalg.inv(TRUE) - np.eye(4)
     assert np.abs(off[:3, 3]).max() < 5e-5
 
 

@@ -7,27 +7,33 @@ import pytest
 
 pytest.importorskip("numpy")
 
-from cellwright.engine.model.execution import Finish, Record, RecordKind
-from cellwright.engine.model.moves import LegKind, MovedStep
-from cellwright.engine.pipelines import objective
-from cellwright.engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
-from cellwright.engine.pipelines.execution.apart import going_home
-from cellwright.engine.pipelines.execution.paths import Paths
-from cellwright.engine.pipelines.execution.retracing import Retracing
-from cellwright.engine.pipelines.moves.planning import plan_moving
-from cellwright.engine.pipelines.moves.seen import Seen, with_seen
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.simulator.obstructed import closely
+from cellwright.engine.model.motion_values import LegKind, MovedStep
+from cellwright.engine.model.run_protocol import Finish, JournalRecord, RecordKind
+from cellwright.engine.pipelines.execution import (
+    RunRequest,
+    RunScope,
+    TimedOrders,
+    begin_run,
+    name_run,
+    resume_run,
+)
+from cellwright.engine.pipelines.execution.journal_motions import Retracing
+from cellwright.engine.pipelines.execution.run_motions import RunPaths, going_home
+from cellwright.engine.pipelines.motion.moving_plan import plan_moving
+from cellwright.engine.pipelines.motion.seen_bodies import SeenBody, with_seen
+from cellwright.engine.pipelines.planning import plan_objective
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.simulators.obstructed_arm import subdivide_path
 from cellwright.engine.plugins import geometry_backend
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
-from cellwright.engine.stages.geometry.collision.ground import Ground
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.model.shapes import Pose
+from cellwright.kb.model.body_shapes import Pose
+from cellwright.kb.model.planning_problem import Problem
 from tests.engine.pipelines.moves.test_moves import SUITS, kiln_room
 
 CRATE = "cell: surprise\nfixtures:\n  {name}: {{at: [{at}], shapes: [{{box: [{box}]}}]}}\n"
@@ -59,11 +65,11 @@ def crate(folder: Path, at: str, box: str, name: str = "crate") -> str:
     return str(path)
 
 
-def wanted(folder: Path, target: str, **options: str) -> Wanted:
-    return Wanted(target, store=str(folder / "j.db"), options=options, motion=True)
+def wanted(folder: Path, target: str, **options: str) -> RunRequest:
+    return RunRequest(target, store=str(folder / "j.db"), options=options, motion=True)
 
 
-def executed(asked: Wanted, kill_after: int = 0, *seen: Seen) -> tuple[Finish, list[Record]]:
+def executed(asked: RunRequest, kill_after: int = 0, *seen: SeenBody) -> tuple[Finish, list[JournalRecord]]:
     """The ending of a run with motion, and its records. It may be killed after so many steps and taken up again.
 
     What was `seen` since the plan was made stands in the cell.
@@ -72,9 +78,9 @@ def executed(asked: Wanted, kill_after: int = 0, *seen: Seen) -> tuple[Finish, l
     moving = plan_moving(told, cell_of(asked.target), geometry_backend(), planned)
     assert moving.walk is not None
     home = going_home(moving.walk.cell, moving.steps)
-    paths = Paths(moving.problem, moving.walk.cell, planned=moving.walk, home=home)
+    paths = RunPaths(moving.problem, moving.walk.cell, planned=moving.walk, home=home)
     paths.sees(seen, frozenset())
-    entered, records, done = named(asked, told), list[Record](), 0
+    entered, records, done = name_run(asked, told), list[JournalRecord](), 0
 
     def heard(record: Any) -> None:
         nonlocal done
@@ -83,24 +89,26 @@ def executed(asked: Wanted, kill_after: int = 0, *seen: Seen) -> tuple[Finish, l
         if kill_after and done == kill_after:
             raise Killed
 
-    scope = Scope(moving.problem, moving.given_up)
+    scope = RunScope(moving.problem, moving.given_up)
     try:
-        ending = begin(entered, told, Timed(), [heard], table=moving.run.timetable, scope=scope, paths=paths)
+        ending = begin_run(
+            entered, told, TimedOrders(), [heard], table=moving.run.timetable, scope=scope, paths=paths
+        )
     except Killed:
-        ending = resume(entered.store, entered.run, Timed(), [records.append])
+        ending = resume_run(entered.store, entered.run, TimedOrders(), [records.append])
     assert isinstance(ending, Finish)
     return ending, records
 
 
-def planned(problem: Problem) -> objective.Run:
-    return objective.plan(problem, Limits(20_000))
+def planned(problem: Problem) -> plan_objective.Run:
+    return plan_objective.plan_for_objective(problem, SearchLimits(20_000))
 
 
-def actions(records: list[Record]) -> list[str]:
+def actions(records: list[JournalRecord]) -> list[str]:
     return [each.content["action"] for each in records if each.kind is RecordKind.DONE]
 
 
-def corrections(records: list[Record]) -> list[dict[str, Any]]:
+def corrections(records: list[JournalRecord]) -> list[dict[str, Any]]:
     return [dict(each.content) for each in records if each.kind is RecordKind.WORLD]
 
 
@@ -154,11 +162,11 @@ def test_a_run_is_retraced_with_what_its_arm_has_met(tmp_path: Path) -> None:
     assert isinstance(first, MovedStep)
     assert isinstance(again, MovedStep)
     assert (first.legs[0].path[0] == again.legs[0].path[0]).all()
-    whole = Seen("crate", Pose((0.5, 0.0, 0.2)), (0.06, 0.06, 0.4))
-    world = World.of(with_seen(cell_of(target), [whole]))
-    ground = Ground(BuiltinChecker(scene_of(world)))
+    whole = SeenBody("crate", Pose((0.5, 0.0, 0.2)), (0.06, 0.06, 0.4))
+    world = GeometricWorld.of(with_seen(cell_of(target), [whole]))
+    ground = PlanningScene(BuiltinChecker(collision_scene_of(world)))
     touches = [
-        any(ground.collides(closely(leg.path)).any() for leg in each.legs if leg.kind is LegKind.WAY)
+        any(ground.collides(subdivide_path(leg.path)).any() for leg in each.legs if leg.kind is LegKind.WAY)
         for each in (first, again)
     ]
     assert touches == [True, False]
@@ -166,7 +174,7 @@ def test_a_run_is_retraced_with_what_its_arm_has_met(tmp_path: Path) -> None:
 
 def test_a_step_that_has_no_motion_any_more_is_not_sent(tmp_path: Path) -> None:
     target = room(tmp_path / "room")
-    screen = Seen("screen", Pose((0.45, 0.2, 0.25)), (0.2, 0.2, 0.1))
+    screen = SeenBody("screen", Pose((0.45, 0.2, 0.25)), (0.2, 0.2, 0.1))
     ending, records = executed(wanted(tmp_path, target), 0, screen)
     replies = [each.content for each in records if each.kind is RecordKind.REPLY]
     assert [each["text"] for each in replies] == ["done", "no_motion"]
@@ -191,9 +199,9 @@ def test_a_run_that_is_killed_knows_what_it_has_met_and_where_its_arm_is(steps: 
 def test_without_motion_a_run_stops_where_its_arm_meets_something(tmp_path: Path) -> None:
     target = room(tmp_path / "room")
     file = crate(tmp_path, "0.5, 0.0, 0.2", "0.06, 0.06, 0.4")
-    asked = Wanted(target, store=str(tmp_path / "j.db"), options={"obstacles": file})
+    asked = RunRequest(target, store=str(tmp_path / "j.db"), options={"obstacles": file})
     told = problem_of(target)
-    ending = begin(named(asked, told), told, Timed())
+    ending = begin_run(name_run(asked, told), told, TimedOrders())
     assert isinstance(ending, Finish)
     assert ending.outcome == "stopped"
     assert "--motion" in ending.why
@@ -222,6 +230,6 @@ def test_what_cannot_be_hidden_is_told(options: dict[str, str], code: str, tmp_p
         options = {"obstacles": str(tmp_path / "wrong.yaml")}
     asked, told = wanted(tmp_path, target, **options), problem_of(target)
     with pytest.raises(InvalidInput) as error:
-        begin(named(asked, told), told, Timed())
+        begin_run(name_run(asked, told), told, TimedOrders())
     assert [each.code for each in error.value.diagnostics] == [code]
     assert "domain:" not in error.value.diagnostics[0].hint

@@ -6,8 +6,15 @@ from pathlib import Path
 import pytest
 from _pytest.mark import ParameterSet
 
-from cellwright.engine.model.execution import Order, Record, RecordKind
-from cellwright.engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
+from cellwright.engine.model.run_protocol import JournalRecord, OperatorCommand, RecordKind
+from cellwright.engine.pipelines.execution import (
+    GivenOrder,
+    RunRequest,
+    TimedOrders,
+    begin_run,
+    name_run,
+    resume_run,
+)
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.store.journal import Journal
 from tests.engine.pipelines.execution.cells import ended, killed_and_resumed, planned
@@ -40,7 +47,7 @@ def test_a_run_killed_with_a_fault_in_it_reaches_its_goals(tmp_path: Path, group
 def test_a_run_goes_on_from_a_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int, written: bool
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.running.EVERY", 15)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.run_control.EVERY", 15)
     assert check(tmp_path, group, written, FAULT)
     with Journal(str(tmp_path / "j.db")) as journal:
         assert journal.last("one-1", "checkpoint")
@@ -51,8 +58,8 @@ def test_a_run_goes_on_from_a_checkpoint(
 def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.running.EVERY", 12)
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.LONG", 3)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.run_control.EVERY", 12)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.MIN_PAGED_STEPS", 3)
     assert check(tmp_path, group, True, FAULT)
     with Journal(str(tmp_path / "j.db")) as journal:
         assert any("rest" in each.content for each in journal.lines("one-1", kinds=["checkpoint"]))
@@ -62,18 +69,21 @@ def test_a_run_goes_on_from_a_checkpoint_that_holds_what_is_left(
 def test_one_can_go_back_to_a_step_that_was_done_before_a_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.running.EVERY", 6)
-    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.LONG", 3)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.run_control.EVERY", 6)
+    monkeypatch.setattr("cellwright.engine.pipelines.execution.checkpoints.MIN_PAGED_STEPS", 3)
     problem, ready = planned("themse/one")
-    wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
+    wanted = name_run(RunRequest("themse/one", store=str(tmp_path / "j.db")), problem)
     late = ready.makespan * 1000 - 10_000
-    assert begin(wanted, problem, Timed([(late, Given(Order.STOP))])).outcome == "stopped"
+    assert (
+        begin_run(wanted, problem, TimedOrders([(late, GivenOrder(OperatorCommand.STOP))])).outcome
+        == "stopped"
+    )
     orders = [
-        (0, Given(Order.INTERRUPT)),
-        (late + 40_000, Given(Order.BACK, "1")),
-        (late + 41_000, Given(Order.CONTINUE)),
+        (0, GivenOrder(OperatorCommand.INTERRUPT)),
+        (late + 40_000, GivenOrder(OperatorCommand.BACK, "1")),
+        (late + 41_000, GivenOrder(OperatorCommand.CONTINUE)),
     ]
-    ending = resume(wanted.store, wanted.run, Timed(orders))
+    ending = resume_run(wanted.store, wanted.run, TimedOrders(orders))
     with Journal(wanted.store) as journal:
         told = [each.content for each in journal.lines(wanted.run, kinds=["decision", "plan"])]
     assert not any("no step 1" in str(each.get("why")) for each in told)
@@ -93,14 +103,14 @@ def test_a_run_can_be_killed_at_any_group_of_records(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_run_that_is_killed_behind_its_end_is_over(tmp_path: Path) -> None:
     problem, _ = planned("themse/one")
-    wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
+    wanted = name_run(RunRequest("themse/one", store=str(tmp_path / "j.db")), problem)
     groups = 0
 
-    def count(record: Record) -> None:
+    def count(record: JournalRecord) -> None:
         nonlocal groups
         groups += record.kind is RecordKind.END
 
-    assert begin(wanted, problem, Timed(), [count]).outcome == "reached"
+    assert begin_run(wanted, problem, TimedOrders(), [count]).outcome == "reached"
     assert groups == 1
     ending = ended(wanted)
     assert ending is not None
@@ -110,9 +120,9 @@ def test_a_run_that_is_killed_behind_its_end_is_over(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_stopped_run_is_taken_up_again(tmp_path: Path) -> None:
     problem, _ = planned("themse/one")
-    wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
-    ending = begin(wanted, problem, Timed([(20_000, Given(Order.STOP))]))
+    wanted = name_run(RunRequest("themse/one", store=str(tmp_path / "j.db")), problem)
+    ending = begin_run(wanted, problem, TimedOrders([(20_000, GivenOrder(OperatorCommand.STOP))]))
     assert ending.outcome == "stopped"
-    assert resume(wanted.store, wanted.run, Timed()).outcome == "reached"
+    assert resume_run(wanted.store, wanted.run, TimedOrders()).outcome == "reached"
     with pytest.raises(InvalidInput, match="is over"):
-        resume(wanted.store, wanted.run, Timed())
+        resume_run(wanted.store, wanted.run, TimedOrders())

@@ -2,11 +2,11 @@
 
 import pytest
 
-from cellwright.engine.formats.report.narration import narrated
-from cellwright.engine.model.execution import Order, RecordKind
-from cellwright.engine.pipelines.execution import Given, Timed
-from cellwright.engine.pipelines.simulator import Injection
-from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.engine.formats.report.runs.run_report import narrate_record
+from cellwright.engine.model.run_protocol import OperatorCommand, RecordKind
+from cellwright.engine.pipelines.execution import GivenOrder, TimedOrders
+from cellwright.engine.pipelines.simulators import Injection
+from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
 from tests.engine.pipelines.execution.cells import executed, planned
 
 PICK = "pick(probe_1, slot(drawer, 1))"
@@ -71,13 +71,17 @@ def test_a_fault_that_is_met_twice_is_put_right_twice() -> None:
 
 @pytest.mark.parametrize("at_ms", [0, 5_000, 30_000, 400_000])
 def test_a_stop_takes_effect_at_once(at_ms: int) -> None:
-    ending, records, _ = executed("themse/one", orders=Timed([(at_ms, Given(Order.STOP))]))
+    ending, records, _ = executed(
+        "themse/one", orders=TimedOrders([(at_ms, GivenOrder(OperatorCommand.STOP))])
+    )
     assert (ending.outcome, ending.makespan_ms) == ("stopped", at_ms)
     assert not [each for each in of(records, RecordKind.COMMAND) if each.at_ms > at_ms]
 
 
 def test_an_interruption_pauses_with_empty_hands_and_the_run_goes_on_when_told() -> None:
-    orders = Timed([(10_000, Given(Order.INTERRUPT)), (100_000, Given(Order.CONTINUE))])
+    orders = TimedOrders(
+        [(10_000, GivenOrder(OperatorCommand.INTERRUPT)), (100_000, GivenOrder(OperatorCommand.CONTINUE))]
+    )
     ending, records, _ = executed("themse/one", orders=orders)
     paused = next(each for each in of(records, RecordKind.PHASE) if each.content["phase"] == "paused")
     between = [each for each in of(records, RecordKind.COMMAND) if paused.at_ms <= each.at_ms < 100_000]
@@ -88,20 +92,24 @@ def test_an_interruption_pauses_with_empty_hands_and_the_run_goes_on_when_told()
 
 @pytest.mark.parametrize("at_ms", [10_000, 400_000])
 def test_a_pause_is_noted_once_whether_it_comes_at_once_or_later(at_ms: int) -> None:
-    orders = Timed([(at_ms, Given(Order.INTERRUPT)), (950_000, Given(Order.CONTINUE))])
+    orders = TimedOrders(
+        [(at_ms, GivenOrder(OperatorCommand.INTERRUPT)), (950_000, GivenOrder(OperatorCommand.CONTINUE))]
+    )
     _, records, _ = executed("themse/one", orders=orders)
-    said = [line for each in records for line in narrated(each) if "paused" in line]
+    said = [line for each in records for line in narrate_record(each) if "paused" in line]
     assert len(said) == 1
 
 
 def test_a_stop_is_told_once() -> None:
-    _, records, _ = executed("themse/one", orders=Timed([(5_000, Given(Order.STOP))]))
-    said = [line for each in records for line in narrated(each) if "stopped" in line]
+    _, records, _ = executed("themse/one", orders=TimedOrders([(5_000, GivenOrder(OperatorCommand.STOP))]))
+    said = [line for each in records for line in narrate_record(each) if "stopped" in line]
     assert len(said) == 1
 
 
 def test_what_an_order_begins_is_sent_before_anything_is_waited_for() -> None:
-    orders = Timed([(10_000, Given(Order.INTERRUPT)), (100_000, Given(Order.CONTINUE))])
+    orders = TimedOrders(
+        [(10_000, GivenOrder(OperatorCommand.INTERRUPT)), (100_000, GivenOrder(OperatorCommand.CONTINUE))]
+    )
     _, records, _ = executed("themse/one", orders=orders)
     begun = [each.content["started_ms"] for each in of(records, RecordKind.DONE)]
     ended = next(each for each in of(records, RecordKind.DONE) if each.content["started_ms"] == 100_000)
@@ -109,24 +117,28 @@ def test_what_an_order_begins_is_sent_before_anything_is_waited_for() -> None:
 
 
 def test_a_pause_that_nobody_ends_is_the_end() -> None:
-    ending, _, _ = executed("themse/one", orders=Timed([(10_000, Given(Order.INTERRUPT))]))
+    ending, _, _ = executed(
+        "themse/one", orders=TimedOrders([(10_000, GivenOrder(OperatorCommand.INTERRUPT))])
+    )
     assert ending.outcome == "paused"
 
 
 def test_a_run_that_is_not_approved_moves_nothing() -> None:
     ending, records, _ = executed("themse/one", approve=True)
     assert (ending.outcome, of(records, RecordKind.COMMAND)) == ("aborted", [])
-    ending, _, _ = executed("themse/one", orders=Timed([(0, Given(Order.APPROVE))]), approve=True)
+    ending, _, _ = executed(
+        "themse/one", orders=TimedOrders([(0, GivenOrder(OperatorCommand.APPROVE))]), approve=True
+    )
     assert ending.outcome == "reached"
 
 
 @pytest.mark.slow
 def test_a_step_done_by_hand_is_skipped_at_a_pause() -> None:
-    orders = Timed(
+    orders = TimedOrders(
         [
-            (10_000, Given(Order.INTERRUPT)),
-            (950_000, Given(Order.SKIP, "turn_bayonet(locked, unlocked)")),
-            (950_001, Given(Order.CONTINUE)),
+            (10_000, GivenOrder(OperatorCommand.INTERRUPT)),
+            (950_000, GivenOrder(OperatorCommand.SKIP, "turn_bayonet(locked, unlocked)")),
+            (950_001, GivenOrder(OperatorCommand.CONTINUE)),
         ]
     )
     ending, records, _ = executed("themse/one", orders=orders)
@@ -137,26 +149,29 @@ def test_a_step_done_by_hand_is_skipped_at_a_pause() -> None:
 
 def test_a_simulated_cell_is_told_what_a_hand_has_done() -> None:
     """What was skipped or corrected is so in the cell: later steps find it there, and the goals are reached in truth."""
-    pause, go_on = (10_000, Given(Order.INTERRUPT)), (30_001, Given(Order.CONTINUE))
-    skipped = (30_000, Given(Order.SKIP, "press_switch(open, closed)"))
-    ending, records, cell = executed("themse/one", orders=Timed([pause, skipped, go_on]))
+    pause, go_on = (
+        (10_000, GivenOrder(OperatorCommand.INTERRUPT)),
+        (30_001, GivenOrder(OperatorCommand.CONTINUE)),
+    )
+    skipped = (30_000, GivenOrder(OperatorCommand.SKIP, "press_switch(open, closed)"))
+    ending, records, cell = executed("themse/one", orders=TimedOrders([pause, skipped, go_on]))
     done = [each.content["action"] for each in of(records, RecordKind.DONE)]
     assert "press_switch(open, closed)" not in done
     assert (ending.outcome, cell.world.reached) == ("reached", {"1:probe_1": 3})
-    corrected = (30_000, Given(Order.CORRECT, "position(flap, closed); -position(flap, open)"))
-    ending, _, cell = executed("themse/one", orders=Timed([pause, corrected, go_on]))
+    corrected = (30_000, GivenOrder(OperatorCommand.CORRECT, "position(flap, closed); -position(flap, open)"))
+    ending, _, cell = executed("themse/one", orders=TimedOrders([pause, corrected, go_on]))
     assert (ending.outcome, cell.world.reached) == ("reached", {"1:probe_1": 3})
 
 
 def test_durations_that_vary_do_not_keep_goals_from_being_reached() -> None:
     for seed in range(3):
-        ending, _, cell = executed("themse/one", settings=Settings(seed, spread=0.2))
+        ending, _, cell = executed("themse/one", settings=SimulatorSettings(seed, spread=0.2))
         assert (ending.outcome, cell.world.reached) == ("reached", {"1:probe_1": 3})
 
 
 def test_a_device_with_a_queue_gets_commands_ahead_and_takes_no_longer() -> None:
     _, ready = planned("themse/one")
-    ending, records, _ = executed("themse/one", settings=Settings(lookahead=4))
+    ending, records, _ = executed("themse/one", settings=SimulatorSettings(lookahead=4))
     kinds = {each.content["command_kind"] for each in of(records, RecordKind.COMMAND)}
     assert {"wait", "continue"} <= kinds
     assert (ending.outcome, ending.makespan_ms) == ("reached", ready.makespan * 1000)
@@ -167,10 +182,10 @@ def test_a_person_answers_before_the_cell_does() -> None:
     _, records, _ = executed("themse/one", fault)
     asked = next(each for each in of(records, RecordKind.COMMAND) if each.content["asks"])
     orders = [
-        (asked.at_ms + 500, Given(Order.ANSWER, "dance")),
-        (asked.at_ms + 1_000, Given(Order.ANSWER, "cured")),
+        (asked.at_ms + 500, GivenOrder(OperatorCommand.ANSWER, "dance")),
+        (asked.at_ms + 1_000, GivenOrder(OperatorCommand.ANSWER, "cured")),
     ]
-    ending, records, _ = executed("themse/one", fault, orders=Timed(orders))
+    ending, records, _ = executed("themse/one", fault, orders=TimedOrders(orders))
     replies = [
         each for each in of(records, RecordKind.REPLY) if each.content["command"] == asked.content["command"]
     ]

@@ -7,11 +7,11 @@ import pytest
 
 pytest.importorskip("numpy")
 
-from cellwright.engine.model.execution import RecordKind
-from cellwright.engine.pipelines.execution.paths import Paths
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.moves.planning import plan_moving
-from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.model.run_protocol import RecordKind
+from cellwright.engine.pipelines.execution.run_motions import RunPaths
+from cellwright.engine.pipelines.motion.moving_plan import plan_moving
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.plugins import geometry_backend
 from cellwright.kb.loader.cell import cell_of
 from cellwright.kb.terms import Function
@@ -35,6 +35,6 @@ def test_what_the_carriage_does_lasts_as_long_as_the_plan_says() -> None:
     arm, middle, left = Function("t3_746"), Function("middle"), Function("left")
     before = PlanGate().semantics(problem).initial()
     after = before - {Function("stands", (arm, middle))} | {Function("stands", (arm, left))}
-    paths = Paths(problem, cell_of(target))
+    paths = RunPaths(problem, cell_of(target))
     assert not paths.refusal(1, Function("drive", (arm, Function("us_probe"), middle, left)), before, after)
     assert paths.lasts_ms(1) is None

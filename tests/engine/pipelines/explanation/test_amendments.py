@@ -6,17 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.report.explanation import explanation as text
-from cellwright.engine.model.explanation import Amendment, Edit, Explanation
+from cellwright.engine.formats.report.plans.explanation_report import explanation_text as text
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation import changed, explain
+from cellwright.engine.model.plan_explanation import Amendment, Edit, Explanation
+from cellwright.engine.pipelines.explanation import apply_amendment, explain_infeasibility
 from cellwright.engine.pipelines.explanation.amendments import domain_facts, without_chains
-from cellwright.engine.pipelines.explanation.thresholds import solved
+from cellwright.engine.pipelines.explanation.possible_facts import solve_for_variable
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load_problem
 from cellwright.kb.model.conditions import And
-from cellwright.kb.model.problem import Chain, Problem
+from cellwright.kb.model.planning_problem import Chain, Problem
 from cellwright.kb.terms import Atom, Function, Number, Operation, Variable
 
 DOMAIN = """
@@ -116,19 +116,19 @@ def test_numbers_are_the_nearest_that_a_comparison_asks_for(
     cell: Write, statics: str, goal: str, advice: list[str]
 ) -> None:
     problem = cell(f"statics: ['{statics}']\ngoals: ['{goal}']\n" if statics else f"goals: ['{goal}']\n")
-    found = kinds(explain(problem))
+    found = kinds(explain_infeasibility(problem))
     assert set(advice) <= set(found)
     assert len({each.split(" instead")[0].rsplit(",")[0] for each in found}) == len(found)
 
 
 def test_a_program_for_the_time_of_a_stage_is_found(cell: Write) -> None:
     problem = cell("statics: ['volume(v1, 5)']\nworkflow: [{stages: 'heated(v1, 1200)'}]\n")
-    assert "add static program(1200)" in kinds(explain(problem))
+    assert "add static program(1200)" in kinds(explain_infeasibility(problem))
 
 
 @pytest.mark.slow
 def test_capacity_is_one_piece_of_advice_with_the_least_number() -> None:
-    found = kinds(explain(load_problem("themse/unsolvable")))
+    found = kinds(explain_infeasibility(load_problem("themse/unsolvable")))
     assert found[0] == "add static capacity(freezer, 2)"
     assert sum("capacity(freezer" in each and "usual" not in each for each in found) == 1
 
@@ -138,7 +138,7 @@ def test_a_fact_that_is_in_the_way_is_removed() -> None:
     problem = load_problem("bulkhead/tool_missing")
     given = Function("unavailable", (Function("slra"),))
     problem = replace(problem, statics=(*problem.statics, given), initial=problem.initial[:2])
-    assert explain(problem).changes[0].edits == (Edit("static", None, given),)
+    assert explain_infeasibility(problem).changes[0].edits == (Edit("static", None, given),)
 
 
 def test_dropping_a_chain_leaves_no_chain_that_waits_for_it(tmp_path: Path) -> None:
@@ -150,9 +150,9 @@ def test_dropping_a_chain_leaves_no_chain_that_waits_for_it(tmp_path: Path) -> N
     one, two = (atom(f"held(p{n})") for n in (1, 2))
     chains = (Chain("1", (one,), (), one.arguments[0]), Chain("2", (two,), ("1",), two.arguments[0]))
     problem = replace(load_problem(str(file)), chains=chains, goal=And(()))
-    drops = [change for change in explain(problem).changes if change.goal]
+    drops = [change for change in explain_infeasibility(problem).changes if change.goal]
     assert len(drops) == 2
-    assert all(isinstance(planning.plan(changed(problem, each)), Found) for each in drops)
+    assert all(isinstance(checked_plan.plan_problem(apply_amendment(problem, each)), Found) for each in drops)
 
 
 def test_what_waited_for_a_dropped_chain_waits_for_those_before_it() -> None:
@@ -165,7 +165,7 @@ def test_what_waited_for_a_dropped_chain_waits_for_those_before_it() -> None:
 
 def test_one_fact_of_a_range_is_removed_and_the_others_stay(cell: Write) -> None:
     problem = cell("goals: [checked]\n")
-    poorer = changed(problem, Amendment((Edit("static", None, atom("program(601)")),)))
+    poorer = apply_amendment(problem, Amendment((Edit("static", None, atom("program(601)")),)))
     assert [str(each) for each in poorer.statics] == ["program(600)", "program(602)"]
     left = {str(each) for held in domain_facts(poorer.domain).values() for each in held}
     assert left == {"needs(v1, 10)", "needs(v2, 10)"}
@@ -190,7 +190,7 @@ def test_a_comparison_is_solved_for_any_side() -> None:
         (Operation("*", Number(3), Operation("-", x, Number(1))), "((7/3)+1)"),
         (Operation("\\", x, Number(3)), "None"),
     ):
-        assert str(solved(inside, Number(7), x)) == value
+        assert str(solve_for_variable(inside, Number(7), x)) == value
 
 
 def atom(said: str) -> Atom:

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.report.explanation import explanation as text
+from cellwright.engine.formats.report.plans.explanation_report import explanation_text as text
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation import changed, explain
-from cellwright.engine.pipelines.explanation.companions import companions
-from cellwright.engine.pipelines.explanation.culprits import minimal_goals
-from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.pipelines.explanation import apply_amendment, explain_infeasibility
+from cellwright.engine.pipelines.explanation.companion_events import find_companions
+from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
+from cellwright.engine.pipelines.explanation.unreachable_goals import minimal_goals
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 
 DOMAIN = """
 domain: spinning
@@ -69,13 +69,13 @@ def cell(tmp_path: Path) -> Write:
 
 def test_a_rotor_that_is_not_balanced_with_one_tube_is_told_to_take_another_one(cell: Write) -> None:
     problem = cell("initial: ['filled(a), filled(b)']\nworkflow: [{stages: 'spun(a)'}]\n")
-    found = explain(problem)
+    found = explain_infeasibility(problem)
     assert found.exclusions == (
         "spin needs balanced, inside(a) and not inside(b), which never hold together: no workflow asks for spun(b)",
     )
     first = found.changes[0]
     assert (first.kind, list(map(str, first.facts))) == ("add stage", ["spun(b)"])
-    outcome = planning.plan(changed(problem, first))
+    outcome = checked_plan.plan_problem(apply_amendment(problem, first))
     assert isinstance(outcome, Found)
     assert len(outcome.plan.steps) == first.proof == 3
     assert "There would be a plan of 3 steps if spun(b) were asked for as well" in str(text(found))
@@ -85,21 +85,23 @@ def test_a_rotor_that_is_not_balanced_with_one_tube_is_told_to_take_another_one(
 def test_facts_that_would_help_are_found_beside_it(cell: Write) -> None:
     """Nobody fills the second tube: so the first advice is a fact, and none says what is not enough."""
     problem = cell("initial: ['filled(a)']\nworkflow: [{stages: 'spun(a)'}]\n")
-    found = explain(problem)
-    assert all(isinstance(planning.plan(changed(problem, each)), Found) for each in found.changes)
+    found = explain_infeasibility(problem)
+    assert all(
+        isinstance(checked_plan.plan_problem(apply_amendment(problem, each)), Found) for each in found.changes
+    )
     assert not [each for each in found.changes if each.stages]
 
 
 def test_a_step_of_two_events_is_told_by_the_second_one(cell: Write) -> None:
-    found = explain(cell("workflow: [{stages: 'shaken(one), baked(one)'}]\n"))
+    found = explain_infeasibility(cell("workflow: [{stages: 'shaken(one), baked(one)'}]\n"))
     assert [str(each) for each in found.changes] == ["add stage baked(two)"]
 
 
 @pytest.mark.slow
 def test_one_tube_alone_needs_another_one_in_the_bundled_rotor() -> None:
-    problem = planning.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
-    goals = minimal_goals(problem, lambda each: isinstance(planning.plan(each), Infeasible))
-    space = Space.of(problem, ())
-    change, found = next(companions(problem, goals, space, planning.plan))
+    problem = checked_plan.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
+    goals = minimal_goals(problem, lambda each: isinstance(checked_plan.plan_problem(each), Infeasible))
+    space = ProblemSpace.of(problem, ())
+    change, found = next(find_companions(problem, goals, space, checked_plan.plan_problem))
     assert (change.kind, list(map(str, change.facts))) == ("add stage", ["spun(tube_2, 300)"])
     assert len(found.plan.steps) == 8

@@ -4,17 +4,19 @@ from dataclasses import replace
 import pytest
 
 from cellwright.engine.model.outcome import Found, Infeasible, Outcome
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation import changed, explain
-from cellwright.engine.pipelines.explanation.steps import why
+from cellwright.engine.pipelines.explanation import apply_amendment, explain_infeasibility
+from cellwright.engine.pipelines.explanation.step_purposes import explain_step
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader import bundled, load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.loader import bundled_domains, load_problem
+from cellwright.kb.model.planning_problem import Problem
 
 QUICK = {"bulkhead/one_point": [], "bulkhead/both_tools": [pytest.mark.slow]}
 ALL = [
-    f"{name}/{file.stem}" for name, path in bundled().items() for file in sorted(path.glob("problems/*.yaml"))
+    f"{name}/{file.stem}"
+    for name, path in bundled_domains().items()
+    for file in sorted(path.glob("problems/*.yaml"))
 ]
 BUNDLED = [pytest.param(name, marks=QUICK.get(name, [pytest.mark.long])) for name in ALL]
 
@@ -32,7 +34,7 @@ def without_one_fact(problem: Problem) -> Iterator[tuple[str, Problem]]:
 def told(problem: Problem) -> Outcome | set[str]:
     """The answer to a problem, or the codes of what is wrong with it."""
     try:
-        return planning.plan(problem)
+        return checked_plan.plan_problem(problem)
     except InvalidInput as error:
         return {each.code for each in error.diagnostics}
 
@@ -41,7 +43,7 @@ def told(problem: Problem) -> Outcome | set[str]:
 @pytest.mark.parametrize("target", BUNDLED)
 def test_a_missing_static_fact_is_named_or_an_equally_small_change_found(target: str) -> None:
     problem = load_problem(target)
-    if not isinstance(planning.plan(problem), Found):
+    if not isinstance(checked_plan.plan_problem(problem), Found):
         pytest.skip("only problems that have a plan can lose it")
     for fact, poorer in without_one_fact(problem):
         outcome = told(poorer)
@@ -51,20 +53,20 @@ def test_a_missing_static_fact_is_named_or_an_equally_small_change_found(target:
             assert outcome <= {"K103", "K115"}, fact
         if not isinstance(outcome, Infeasible):
             continue
-        explanation = explain(poorer)
+        explanation = explain_infeasibility(poorer)
         assert explanation.status == "infeasible"
         assert explanation.goals
         sizes = [len(change.facts) for change in explanation.changes if change.kind != "drop goal"]
         assert 1 in sizes, f"without {fact}"
         for change in explanation.changes:
-            outcome = planning.plan(changed(poorer, change))
+            outcome = checked_plan.plan_problem(apply_amendment(poorer, change))
             assert isinstance(outcome, Found)
             assert len(outcome.plan.steps) == change.proof
 
 
 @pytest.mark.slow
 def test_goals_that_exclude_each_other_are_told_with_the_reason() -> None:
-    explanation = explain(load_problem("bulkhead/two_contacts"))
+    explanation = explain_infeasibility(load_problem("bulkhead/two_contacts"))
     assert len(explanation.goals) == 2
     assert explanation.exclusions
     assert {change.kind for change in explanation.changes} == {"drop goal"}
@@ -72,7 +74,7 @@ def test_goals_that_exclude_each_other_are_told_with_the_reason() -> None:
 
 @pytest.mark.slow  # docs/first-steps.md shows the same, and what it shows is tried quickly
 def test_an_initial_fact_that_is_in_the_way_is_named() -> None:
-    change = explain(load_problem("bulkhead/tool_missing")).changes[0]
+    change = explain_infeasibility(load_problem("bulkhead/tool_missing")).changes[0]
     assert (change.kind, list(map(str, change.facts))) == (
         "remove initial",
         ["location(slra, t3_746, elsewhere)"],
@@ -81,16 +83,16 @@ def test_an_initial_fact_that_is_in_the_way_is_named() -> None:
 
 
 def test_a_feasible_problem_has_nothing_to_explain() -> None:
-    assert explain(load_problem("bulkhead/one_point")).status == "feasible"
+    assert explain_infeasibility(load_problem("bulkhead/one_point")).status == "feasible"
 
 
 def test_every_step_leads_to_a_goal_and_every_order_has_a_reason() -> None:
     problem = load_problem("bulkhead/both_tools")
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     task = ground(problem)
     for step in outcome.plan.steps:
-        reason = why(task, outcome.plan, step.id)
+        reason = explain_step(task, outcome.plan, step.id)
         assert reason.purposes
         assert all(purpose.consumer is None or purpose.links for purpose in reason.purposes)
         orders = [order for order in reason.orders if order.later.id == step.id]
@@ -100,10 +102,10 @@ def test_every_step_leads_to_a_goal_and_every_order_has_a_reason() -> None:
 
 def test_a_step_that_is_not_there_is_bad_input() -> None:
     problem = load_problem("bulkhead/one_point")
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     with pytest.raises(InvalidInput, match="no step 9"):
-        why(ground(problem), outcome.plan, 9)
+        explain_step(ground(problem), outcome.plan, 9)
 
 
 @pytest.mark.parametrize(
@@ -121,6 +123,6 @@ def test_a_step_that_is_not_there_is_bad_input() -> None:
 def test_a_domain_without_an_operator_is_told_what_nothing_makes_true(operator: str, gap: str) -> None:
     problem = load_problem("tests/domains/capping/problems/no_caps.yaml")
     left = tuple(each for each in problem.domain.operators if each.name != operator)
-    explanation = explain(replace(problem, domain=replace(problem.domain, operators=left)))
+    explanation = explain_infeasibility(replace(problem, domain=replace(problem.domain, operators=left)))
     assert explanation.gaps == (gap,)
     assert all(change.kind == "drop goal" for change in explanation.changes)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.pipelines.explanation import explain
-from cellwright.engine.pipelines.explanation.candidates import single_edits
-from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.pipelines.explanation import explain_infeasibility
+from cellwright.engine.pipelines.explanation.candidate_edits import single_edits
+from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
 from cellwright.engine.stages.grounding import ground
 from cellwright.kb.loader import load, load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from tests.engine.pipelines.explanation.test_explain import without_one_fact
 
 DOSING = """
@@ -58,12 +58,12 @@ def asked(tmp_path: Path) -> Asked:
 
 
 def changes(problem: Problem) -> list[str]:
-    return [str(each) for each in explain(problem).changes if each.edits]
+    return [str(each) for each in explain_infeasibility(problem).changes if each.edits]
 
 
-def space(problem: Problem) -> Space:
+def space(problem: Problem) -> ProblemSpace:
     task = ground(problem)
-    return Space.of(problem, task.names(task.initial))
+    return ProblemSpace.of(problem, task.names(task.initial))
 
 
 def test_of_two_goals_that_exclude_each_other_over_a_quantity_the_value_at_the_start_is_changed(
@@ -78,7 +78,7 @@ def test_what_only_steps_in_their_turn_put_right_again_is_within_reach(asked: As
     """New tips are taken where few are left, so a goal that tips are whole is broken first."""
     problem = asked("dosed(w1), dosed(w2), tips = 3")
     assert space(problem).reachable
-    assert explain(problem).status == "feasible"
+    assert explain_infeasibility(problem).status == "feasible"
 
 
 def test_a_value_that_no_step_brings_about_is_told_as_a_value_at_the_start(asked: Asked) -> None:

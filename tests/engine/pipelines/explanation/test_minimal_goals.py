@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.pipelines.explanation.culprits import minimal_goals
+from cellwright.engine.pipelines.explanation.unreachable_goals import minimal_goals
 from cellwright.kb.loader import load_problem
 from cellwright.kb.model.conditions import And, Literal, goal_parts
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Number
 
 Conflicts = frozenset[frozenset[int]]

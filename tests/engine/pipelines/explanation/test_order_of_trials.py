@@ -4,18 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.explanation import Edit
 from cellwright.engine.model.outcome import Outcome
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation import explain
-from cellwright.engine.pipelines.explanation.advice import Advice
-from cellwright.engine.pipelines.explanation.alike import Alike
-from cellwright.engine.pipelines.explanation.bearing import Bearing
-from cellwright.engine.pipelines.explanation.space import Space
+from cellwright.engine.model.plan_explanation import Edit
+from cellwright.engine.pipelines.explanation import explain_infeasibility
+from cellwright.engine.pipelines.explanation.candidate_edits import GoalBearing
+from cellwright.engine.pipelines.explanation.helpful_changes import AlikeObjects, ChangeSearch
+from cellwright.engine.pipelines.explanation.possible_facts import ProblemSpace
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.kb.asp.models import models
+from cellwright.kb.asp.model_search import enumerate_models
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number
 from tests.engine.pipelines.explanation.test_explain import without_one_fact
 
@@ -100,9 +99,9 @@ def made(folder: Path, domain: str, rules: str, rest: str) -> Problem:
     return load_problem(str(folder / "problems" / "p.yaml"))
 
 
-def space_of(problem: Problem) -> Space:
+def space_of(problem: Problem) -> ProblemSpace:
     task = ground(problem)
-    return Space.of(problem, tuple(task.names(task.initial)))
+    return ProblemSpace.of(problem, tuple(task.names(task.initial)))
 
 
 def tried(problem: Problem) -> list[Problem]:
@@ -113,13 +112,13 @@ def tried(problem: Problem) -> list[Problem]:
         found.append(each)
         return None
 
-    Advice(space_of(problem), problem, (), planned, lambda: False).smallest()
+    ChangeSearch(space_of(problem), problem, (), planned, lambda: False).smallest()
     return found
 
 
 def test_a_fact_that_people_give_is_told_and_not_what_rules_alone_make_of_it(tmp_path: Path) -> None:
     problem = made(tmp_path, LIDS, RULES, "initial: ['at(cover, stand)']\ngoals: ['at(cover, rim)']\n")
-    assert [str(each) for each in explain(problem).changes] == ["add static fits(cover, rim)"]
+    assert [str(each) for each in explain_infeasibility(problem).changes] == ["add static fits(cover, rim)"]
 
 
 @pytest.mark.slow
@@ -140,13 +139,13 @@ def test_of_changes_that_are_alike_but_for_names_one_is_tried(tmp_path: Path) ->
 def test_what_belongs_to_alike_objects_changes_places_with_them(tmp_path: Path) -> None:
     problem = made(tmp_path, BEADS, "", "statics: ['box(a, x)', 'box(b, y)']\ngoals: ['done']\n")
     edit = Edit("static", Function("box", (Function("a"), Function("y"))))
-    images = {str(each) for each in Alike(space_of(problem)).images(edit)}
+    images = {str(each) for each in AlikeObjects(space_of(problem)).images(edit)}
     assert images == {"add static box(a, y)", "add static box(b, x)"}
 
 
 def test_objects_that_an_operator_names_are_alike_with_none(tmp_path: Path) -> None:
     problem = made(tmp_path, SHELVES, SPOTS, "goals: ['seen(b)']\n")
-    alike = Alike(space_of(problem))
+    alike = AlikeObjects(space_of(problem))
     assert [
         sorted(map(str, alike.images(Edit("initial", Function("seen", (Function(each),))))))
         for each in ("a", "b", "c")
@@ -157,19 +156,19 @@ def test_no_fluent_is_tried_that_bears_on_no_goal() -> None:
     content = Function("content", (Function("tube_1"), Number(0)))
     at = Function("at", (Function("tube_2"), Function("seat_2")))
     whole = load_problem("centrifuge/four")
-    spun = planning.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
-    assert [Bearing(each).on_goals(content) for each in (whole, spun)] == [True, False]
-    assert Bearing(spun).on_goals(at)
+    spun = checked_plan.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
+    assert [GoalBearing(each).on_goals(content) for each in (whole, spun)] == [True, False]
+    assert GoalBearing(spun).on_goals(at)
 
 
 def test_a_fact_that_only_denies_a_default_bears_on_the_goals() -> None:
     elsewhere: Atom = Function("location", tuple(map(Function, ("slra", "t3_746", "elsewhere"))))
-    assert Bearing(load_problem("bulkhead/tool_missing")).on_goals(elsewhere)
+    assert GoalBearing(load_problem("bulkhead/tool_missing")).on_goals(elsewhere)
 
 
 def test_models_read_the_terms_of_one_name_and_leave_the_others_as_texts() -> None:
     text = "1 { pick(1..2) } 1. shown(edit(X)) :- pick(X). shown(edited(X, f(X))) :- pick(X)."
-    found = sorted(models(text, "shown", "edit", 10), key=lambda each: str(each.terms))
+    found = sorted(enumerate_models(text, "shown", "edit", 10), key=lambda each: str(each.terms))
     assert [(list(map(str, each.terms)), set(each.others)) for each in found] == [
         (["edit(1)"], {"edited(1,f(1))"}),
         (["edit(2)"], {"edited(2,f(2))"}),
@@ -179,4 +178,4 @@ def test_models_read_the_terms_of_one_name_and_leave_the_others_as_texts() -> No
 @pytest.mark.slow
 def test_the_rim_that_the_lid_of_the_freezer_fits_is_found_among_hundreds_of_facts() -> None:
     poorer = dict(without_one_fact(load_problem("themse/two")))["fits(lid,rim)."]
-    assert [str(each) for each in explain(poorer).changes] == ["add static fits(lid, rim)"]
+    assert [str(each) for each in explain_infeasibility(poorer).changes] == ["add static fits(lid, rim)"]

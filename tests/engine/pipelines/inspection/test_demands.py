@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.tour import Tour, TourProblem, slack_of, times_of, violations
-from cellwright.engine.pipelines import checking
-from cellwright.engine.pipelines.inspection import partition, tour_problem
-from cellwright.engine.pipelines.inspection.demands import Demands, known, of_options
-from cellwright.engine.pipelines.points import with_places
-from cellwright.engine.stages.sequencing import sequence
+from cellwright.engine.authoring import domain_check
+from cellwright.engine.model.tour_problem import Tour, TourProblem, slack_of, times_of, tour_violations
+from cellwright.engine.pipelines.inspection.measurement_points import with_places
+from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool, tour_problem
+from cellwright.engine.pipelines.inspection.tour_demands import TourDemands, of_options, require_known_visits
+from cellwright.engine.stages.sequencing import sequence_tour
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 
 POINTS = """problem: pieces
 domain: bulkhead
@@ -34,25 +34,25 @@ def problem_with(folder: Path, facts: str) -> Problem:
     return with_places(found)
 
 
-def tours_of(problem: Problem, demands: Demands = Demands()) -> TourProblem:
-    return tour_problem(problem, partition(problem), demands)
+def tours_of(problem: Problem, demands: TourDemands = TourDemands()) -> TourProblem:
+    return tour_problem(problem, partition_by_tool(problem), demands)
 
 
 def names(tours: TourProblem, answer: object) -> list[str]:
     assert isinstance(answer, Tour)
-    assert violations(tours, answer.order) == []
+    assert tour_violations(tours, answer.order) == []
     return [tours.visits[each].name for each in answer.order]
 
 
 def test_precedence_of_facts_is_kept_and_costs_stay_lengths(tmp_path: Path) -> None:
     tours = tours_of(problem_with(tmp_path, "before(m4, m3), before(m3, m2), before(m2, m1)"))
     assert tours.unit == "µm"
-    assert names(tours, sequence(tours)) == ["m4", "m3", "m2", "m1"]
+    assert names(tours, sequence_tour(tours)) == ["m4", "m3", "m2", "m1"]
 
 
 def test_windows_and_durations_make_costs_times(tmp_path: Path) -> None:
     tours = tours_of(problem_with(tmp_path, "window(m4, 0, 1), window(m1, 500, 600), lasts(m4, 20)"))
-    order = names(tours, sequence(tours))
+    order = names(tours, sequence_tour(tours))
     assert (order[0], order[-1], tours.unit) == ("m4", "m1", "s")
     assert times_of(tours, tuple(int(name[1]) - 1 for name in order))[-1][1] == 500
 
@@ -86,7 +86,7 @@ def test_orders_that_cannot_be_read_are_refused(before: str) -> None:
 
 def test_an_option_about_no_visit_is_refused() -> None:
     with pytest.raises(InvalidInput, match="K101"):
-        known(of_options([], ["m9=1"], []), {"m1"})
+        require_known_visits(of_options([], ["m9=1"], []), {"m1"})
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_an_option_about_no_visit_is_refused() -> None:
 )
 def test_check_tells_what_no_tour_can_keep(tmp_path: Path, facts: str, said: str) -> None:
     problem_with(tmp_path, facts)
-    told = checking.check(str(tmp_path / "pieces.yaml"), reach=False).diagnostics
+    told = domain_check.check_domain_files(str(tmp_path / "pieces.yaml"), reach=False).diagnostics
     assert [each.code for each in told if said in each.message] == ["K115"]
 
 
@@ -116,8 +116,8 @@ def test_slack_is_what_the_later_windows_leave(tmp_path: Path) -> None:
     for place, slack in enumerate(slack_of(tours, order)[:3]):
         late = replace(tours.visits[order[place]], window=(begins[place] + slack, begins[place] + slack))
         shifted = [late if each == order[place] else visit for each, visit in enumerate(tours.visits)]
-        assert violations(replace(tours, visits=tuple(shifted)), order) == []
+        assert tour_violations(replace(tours, visits=tuple(shifted)), order) == []
         later = replace(late, window=(begins[place] + slack + 1, begins[place] + slack + 1))
         shifted[order[place]] = later
-        kept = [each for each in violations(replace(tours, visits=tuple(shifted)), order)]
+        kept = [each for each in tour_violations(replace(tours, visits=tuple(shifted)), order)]
         assert kept or begins[place] + slack + 1 > (tours.visits[order[place]].window or (0, 0))[1]

@@ -11,9 +11,9 @@ import yaml
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.formats.interop.inspections import import_file
-from cellwright.engine.formats.interop.tables import read_table
-from cellwright.engine.pipelines.inspection import partition, tour_problem
+from cellwright.engine.formats.interop.inspection_files import import_file
+from cellwright.engine.formats.interop.measurement_tables import read_table
+from cellwright.engine.pipelines.inspection.tool_tours import partition_by_tool, tour_problem
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
 from tests.places import BUNDLED
@@ -60,7 +60,7 @@ def test_what_is_imported_is_read_again_as_it_was_parted(table: Path) -> None:
     _, parts, _ = import_file(table, "bulkhead")
     problem = load(imported(table)).problem
     assert problem is not None
-    assert partition(problem) == parts
+    assert partition_by_tool(problem) == parts
 
 
 def test_a_tool_that_is_not_available_and_what_is_done_stand_apart(table: Path) -> None:
@@ -69,7 +69,7 @@ def test_a_tool_that_is_not_available_and_what_is_done_stand_apart(table: Path) 
     file.write_text(text + "initial:\n  - measured(slra, t3_746, meas(a))\n")
     problem = load(file).problem
     assert problem is not None
-    parts = partition(problem)
+    parts = partition_by_tool(problem)
     assert (dict(parts.groups), parts.done) == ({"slra": ("b",)}, ("a",))
     assert parts.impossible["c"] == "us_probe is not available"
 
@@ -77,7 +77,7 @@ def test_a_tool_that_is_not_available_and_what_is_done_stand_apart(table: Path) 
 def test_changes_of_tools_cost_what_the_domain_says(table: Path) -> None:
     problem = load(imported(table)).problem
     assert problem is not None
-    tours = tour_problem(problem, partition(problem))
+    tours = tour_problem(problem, partition_by_tool(problem))
     names = [visit.name for visit in tours.visits]
     assert tours.travel[names.index("a"), names.index("b")] == 10_000
     assert tours.arcs[names.index("a"), names.index("c")] == 20_000 + 2_000_000

@@ -10,17 +10,21 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.model.tour import cost_of, times_of, violations
-from cellwright.engine.pipelines.inspection.losses import parted
-from cellwright.engine.pipelines.inspection.progress import News, Progress, carried_on
-from cellwright.engine.pipelines.parts.keeping import carry_on
-from cellwright.engine.stages.sequencing import Limits
+from cellwright.engine.model.tour_problem import cost_of, times_of, tour_violations
+from cellwright.engine.pipelines.inspection.arm_capabilities import partition_after_loss
+from cellwright.engine.pipelines.inspection.tour_progress import (
+    KeptSequenceProgress,
+    SequenceNews,
+    carry_on_sequence,
+)
+from cellwright.engine.pipelines.planning.decomposition.kept_sequences import carry_on
+from cellwright.engine.stages.sequencing import TourLimits
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.store.sequences import SequencePlan, Sequences
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.store.inspection_store import SequencePlan, Sequences
 
-QUICK = Limits(work=50, proof=0.0)
+QUICK = TourLimits(work=50, proof=0.0)
 NAMES = [f"p{number}" for number in range(14)]
 
 
@@ -78,10 +82,10 @@ def new(problem: Problem) -> SequencePlan:
 
 
 events = st.one_of(
-    st.builds(lambda n: News(done=(n,)), st.sampled_from(NAMES)),
-    st.builds(lambda n: News(bad={n: "dirty"}), st.sampled_from(NAMES)),
-    st.builds(lambda n: News(lost=(n,)), st.sampled_from(["us_probe", "slra"])),
-    st.builds(lambda n: News(restored=(n,)), st.sampled_from(["us_probe", "slra", *NAMES])),
+    st.builds(lambda n: SequenceNews(done=(n,)), st.sampled_from(NAMES)),
+    st.builds(lambda n: SequenceNews(bad={n: "dirty"}), st.sampled_from(NAMES)),
+    st.builds(lambda n: SequenceNews(lost=(n,)), st.sampled_from(["us_probe", "slra"])),
+    st.builds(lambda n: SequenceNews(restored=(n,)), st.sampled_from(["us_probe", "slra", *NAMES])),
 )
 
 
@@ -89,18 +93,22 @@ events = st.one_of(
 @settings(max_examples=25, deadline=None)
 @given(happening=st.lists(events, min_size=1, max_size=6))
 def test_done_visits_stay_done_and_the_rest_is_a_permutation_of_what_remains(
-    shared: list[Problem], happening: list[News]
+    shared: list[Problem], happening: list[SequenceNews]
 ) -> None:
     (plate,) = shared
-    plan = carried_on(new(plate), plate, limits=QUICK).plan
+    plan = carry_on_sequence(new(plate), plate, limits=QUICK).plan
     for news in happening:
         try:
-            found = carried_on(plan, plate, news, QUICK)
+            found = carry_on_sequence(plan, plate, news, QUICK)
         except InvalidInput:
             continue  # what is left out cannot be done, what is done cannot be bad
         made = found.plan
         assert made.done[: len(plan.done)] == plan.done
-        possible = {(name, tool) for tool, names in parted(plate, made.lost).groups.items() for name in names}
+        possible = {
+            (name, tool)
+            for tool, names in partition_after_loss(plate, made.lost).groups.items()
+            for name in names
+        }
         remaining = {
             each for each in possible if each[0] not in made.bad and each[0] not in names_of(made.done)
         }
@@ -111,7 +119,7 @@ def test_done_visits_stay_done_and_the_rest_is_a_permutation_of_what_remains(
         plan = made
 
 
-def _accounts_for_every_visit(old: SequencePlan, found: Progress) -> None:
+def _accounts_for_every_visit(old: SequencePlan, found: KeptSequenceProgress) -> None:
     finished = set(names_of(found.plan.done)) - set(names_of(old.done))
     groups = [found.kept, found.reordered, found.moved, found.dropped, finished & set(names_of(old.rest))]
     assert sorted(name for each in groups for name in each) == sorted(names_of(old.rest))
@@ -119,7 +127,7 @@ def _accounts_for_every_visit(old: SequencePlan, found: Progress) -> None:
     assert staying == [name for name in names_of(old.rest) if name in found.kept]
 
 
-def _costs_no_more_than_the_old_order(old: SequencePlan, found: Progress) -> None:
+def _costs_no_more_than_the_old_order(old: SequencePlan, found: KeptSequenceProgress) -> None:
     number = {visit.name: index for index, visit in enumerate(found.problem.visits)}
     start = [number[each.name] for each in found.plan.done[-1:] if each.name in number]
     left = {each.name for each in found.plan.rest} - {*found.added}
@@ -131,7 +139,7 @@ def _costs_no_more_than_the_old_order(old: SequencePlan, found: Progress) -> Non
 def test_a_visit_done_stays_outdated_though_its_tool_is_lost(tmp_path: Path) -> None:
     store, file = str(tmp_path / "s.db"), written(tmp_path, NAMES[:6])
     first = carry_on(store, read(file), limits=QUICK).plan.rest[0]
-    carry_on(store, read(file), News(done=(first.name,), lost=(first.tool,)), QUICK)
+    carry_on(store, read(file), SequenceNews(done=(first.name,), lost=(first.tool,)), QUICK)
     assert not carry_on(store, read(file), limits=QUICK).outdated
     moved = read(written(tmp_path, NAMES[:6], shift=1.0))
     assert carry_on(store, moved, limits=QUICK).outdated == (first.name,)
@@ -140,34 +148,36 @@ def test_a_visit_done_stays_outdated_though_its_tool_is_lost(tmp_path: Path) -> 
 @pytest.mark.parametrize("tool", ["us_probe", "slra"])
 @pytest.mark.parametrize("done", [0, 1, 5])
 def test_losing_a_tool_moves_or_drops_exactly_its_visits(spare: Problem, tool: str, done: int) -> None:
-    plan = carried_on(new(spare), spare, limits=QUICK).plan
-    plan = carried_on(plan, spare, News(done=tuple(names_of(plan.rest[:done]))), QUICK).plan
-    found = carried_on(plan, spare, News(lost=(tool,)), QUICK)
+    plan = carry_on_sequence(new(spare), spare, limits=QUICK).plan
+    plan = carry_on_sequence(plan, spare, SequenceNews(done=tuple(names_of(plan.rest[:done]))), QUICK).plan
+    found = carry_on_sequence(plan, spare, SequenceNews(lost=(tool,)), QUICK)
     assert {*found.moved, *found.dropped} == {each.name for each in plan.rest if each.tool == tool}
     assert found.plan.done == plan.done
     if tool == "us_probe" and "p1" in names_of(plan.rest):
         assert found.moved == {"p1": ("us_probe", "slra")}
-        back = carried_on(found.plan, spare, News(restored=(tool,)), QUICK)
+        back = carry_on_sequence(found.plan, spare, SequenceNews(restored=(tool,)), QUICK)
         assert back.moved == {"p1": ("slra", "us_probe")}
         assert set(names_of(back.plan.rest)) == set(names_of(plan.rest))
 
 
 def test_what_is_done_before_its_tool_is_lost_counts_as_done(plate: Problem) -> None:
-    plan = carried_on(new(plate), plate, limits=QUICK).plan
+    plan = carry_on_sequence(new(plate), plate, limits=QUICK).plan
     first = plan.rest[0]
-    found = carried_on(plan, plate, News(done=(first.name,), lost=(first.tool,)), QUICK)
+    found = carry_on_sequence(plan, plate, SequenceNews(done=(first.name,), lost=(first.tool,)), QUICK)
     assert found.plan.done == (first,)
     assert first.name not in found.dropped
 
 
 def test_without_its_arm_nothing_is_measured(plate: Problem) -> None:
-    assert not parted(plate, ["t3_746"]).groups
-    assert parted(plate, ["rack"]) == parted(plate, [])
+    assert not partition_after_loss(plate, ["t3_746"]).groups
+    assert partition_after_loss(plate, ["rack"]) == partition_after_loss(plate, [])
 
 
 def test_visits_done_in_order_leave_the_sequence_as_it_stands(plate: Problem) -> None:
-    first = carried_on(new(plate), plate, limits=QUICK)
-    found = carried_on(first.plan, plate, News(done=tuple(names_of(first.plan.rest[:4]))), QUICK)
+    first = carry_on_sequence(new(plate), plate, limits=QUICK)
+    found = carry_on_sequence(
+        first.plan, plate, SequenceNews(done=tuple(names_of(first.plan.rest[:4]))), QUICK
+    )
     assert (found.way, found.plan.rest) == ("kept", first.plan.rest[4:])
     assert found.next == first.plan.rest[4]
 
@@ -175,23 +185,23 @@ def test_visits_done_in_order_leave_the_sequence_as_it_stands(plate: Problem) ->
 def test_a_visit_done_out_of_turn_is_where_the_rest_begins_and_costs_no_more_than_the_old_order(
     plate: Problem,
 ) -> None:
-    first = carried_on(new(plate), plate, limits=QUICK)
+    first = carry_on_sequence(new(plate), plate, limits=QUICK)
     turn = first.plan.rest[6].name
-    found = carried_on(first.plan, plate, News(done=(turn,)), QUICK)
+    found = carry_on_sequence(first.plan, plate, SequenceNews(done=(turn,)), QUICK)
     assert found.way == "resequenced"
     assert found.problem.visits[found.tour.order[0]].name == turn
     number = {visit.name: index for index, visit in enumerate(found.problem.visits)}
     old = tuple(number[each.name] for each in first.plan.rest if each.name != turn)
     assert found.tour.cost <= cost_of(found.problem, (number[turn], *old))
     assert found.tour.cost == cost_of(found.problem, found.tour.order)
-    assert not violations(found.problem, found.tour.order)
+    assert not tour_violations(found.problem, found.tour.order)
 
 
 def test_points_added_removed_and_placed_elsewhere_are_noticed(tmp_path: Path) -> None:
     store = str(tmp_path / "s.db")
     first = carry_on(store, read(written(tmp_path, NAMES[:9])), limits=QUICK)
     gone, was = names_of(first.plan.rest)[3], first.plan.rest[0].name
-    carry_on(store, read(written(tmp_path, NAMES[:9])), News(done=(was,)), QUICK)
+    carry_on(store, read(written(tmp_path, NAMES[:9])), SequenceNews(done=(was,)), QUICK)
     left = [name for name in NAMES[:11] if name != gone]
     found = carry_on(store, read(written(tmp_path, left)), limits=QUICK)
     assert (set(found.added), dict(found.dropped)) == ({"p9", "p10"}, {gone: "no longer in the problem"})
@@ -212,13 +222,13 @@ def test_what_the_problem_says_is_measured_becomes_done(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("news", "said"),
     [
-        (News(done=("p99",)), "unknown visit"),
-        (News(lost=("hammer",)), "unknown resource"),
-        (News(bad={"slra": "x"}), "unknown visit"),
+        (SequenceNews(done=("p99",)), "unknown visit"),
+        (SequenceNews(lost=("hammer",)), "unknown resource"),
+        (SequenceNews(bad={"slra": "x"}), "unknown visit"),
     ],
 )
 def test_unknown_names_are_refused_and_change_nothing(
-    plate: Problem, tmp_path: Path, news: News, said: str
+    plate: Problem, tmp_path: Path, news: SequenceNews, said: str
 ) -> None:
     store = str(tmp_path / "s.db")
     before = carry_on(store, plate, limits=QUICK).plan
@@ -233,14 +243,18 @@ def test_unknown_names_are_refused_and_change_nothing(
 def _work_off(store: str, file: str, mine: list[str]) -> None:
     problem = read(Path(file))
     for name in mine:
-        carry_on(store, problem, News(done=(name,)), QUICK)
+        carry_on(store, problem, SequenceNews(done=(name,)), QUICK)
 
 
 def test_two_processes_at_once_lose_no_visit(tmp_path: Path) -> None:
     store, file = str(tmp_path / "s.db"), written(tmp_path, NAMES)
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(
-        ["cellwright.engine.pipelines.inspection", "cellwright.kb.store.sequences", "pytest"]
+        [
+            "cellwright.engine.pipelines.inspection.tool_tours",
+            "cellwright.kb.store.inspection_store",
+            "pytest",
+        ]
     )
     shares = (NAMES[:6], NAMES[6:12])
     workers = [context.Process(target=_work_off, args=(store, str(file), share)) for share in shares]
@@ -298,9 +312,9 @@ def test_a_kept_sequence_keeps_windows_and_precedence_to_its_end(tmp_path: Path)
     done = order[: order.index("p5")]
     assert done
     for each in done:
-        found = carry_on(store, problem, News(done=(each,)), QUICK)
+        found = carry_on(store, problem, SequenceNews(done=(each,)), QUICK)
         assert found.way == "kept"
-        assert violations(found.problem, found.tour.order) == []
+        assert tour_violations(found.problem, found.tour.order) == []
     over = begins[done[-1]][1]
     windows = {each.name: each.window for each in found.problem.visits}
     assert windows["p5"] == (max(0, 400 - over), 900 - over)
@@ -309,7 +323,7 @@ def test_a_kept_sequence_keeps_windows_and_precedence_to_its_end(tmp_path: Path)
 
 def test_windows_that_the_rest_cannot_keep_are_told(tmp_path: Path) -> None:
     store, problem = str(tmp_path / "cell.db"), read(written(tmp_path, NAMES))
-    carry_on(store, problem, News(done=("p0",)), QUICK)
+    carry_on(store, problem, SequenceNews(done=("p0",)), QUICK)
     narrow = read(written(tmp_path, NAMES, statics="window(p2, 0, 0)\n  - window(p4, 0, 0)"))
     found = carry_on(store, narrow, limits=QUICK)
     assert found.unkept

@@ -8,42 +8,54 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cellwright.engine.model.motion import Blocked, Moved, Strategy
-from cellwright.engine.pipelines.motion.ends import End
-from cellwright.engine.pipelines.motion.legs import APPROACH, FREE, Departures, Leg, departures, leg_of
-from cellwright.engine.pipelines.motion.moving import Motion, Site, Wish, _planned, move
-from cellwright.engine.pipelines.motion.zones import zones_of
+from cellwright.engine.model.motion_values import Blocked, Moved, Strategy
+from cellwright.engine.pipelines.motion.arm_motion import (
+    ArmMotion,
+    MotionSite,
+    MotionWish,
+    _search_starts,
+    plan_named_motion,
+)
+from cellwright.engine.pipelines.motion.leg_timing import zones_of
+from cellwright.engine.pipelines.motion.motion_legs import (
+    APPROACH,
+    FREE,
+    LegDepartures,
+    MotionEnd,
+    MotionLeg,
+    leg_of,
+    lines_out,
+)
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
-from cellwright.engine.stages.geometry.collision.ground import Ground
-from cellwright.engine.stages.geometry.reach.hand import ArmHand
-from cellwright.engine.stages.geometry.reach.reach import Reached
-from cellwright.engine.stages.geometry.reach.straight import STRAY_M, Broken, straight
+from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
+from cellwright.engine.stages.geometry.reach.arm_hand import STRAY_M, ArmHand, BrokenLine, straight_line
+from cellwright.engine.stages.geometry.reach.place_reachability import ReachedPlace
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.cell import Placement, Zone
-from cellwright.kb.model.shapes import Box, Pose
+from cellwright.kb.model.body_shapes import Box, Pose
+from cellwright.kb.model.cell_model import Placement, Zone
 from tests.engine.stages.motion.conftest import arm_among, block
 
 
 @pytest.fixture(scope="module")
-def bulkhead() -> Site:
-    return Site.of("bulkhead")
+def bulkhead() -> MotionSite:
+    return MotionSite.of("bulkhead")
 
 
 @pytest.fixture(scope="module")
-def themse() -> Site:
-    return Site.of("themse")
+def themse() -> MotionSite:
+    return MotionSite.of("themse")
 
 
-def tool_points(motion: Motion) -> np.ndarray:
+def tool_points(motion: ArmMotion) -> np.ndarray:
     times = np.linspace(0.0, motion.times.duration_s, 2000)
     whole = np.repeat(motion.whole()[:1], len(times), axis=0)
     whole[:, motion.own] = motion.times.at(times)[0]
     return motion.hand.poses(whole)
 
 
-def test_the_tool_goes_straight_into_a_place_and_straight_out(bulkhead: Site) -> None:
-    found = move(bulkhead, "meas(m1)", ["meas(m2)"])
+def test_the_tool_goes_straight_into_a_place_and_straight_out(bulkhead: MotionSite) -> None:
+    found = plan_named_motion(bulkhead, "meas(m1)", ["meas(m2)"])
     assert [leg.kind for leg in found.legs] == ["retract", "free", "approach"]
     assert found.proved
     for leg in (found.legs[0], found.legs[-1]):
@@ -54,8 +66,8 @@ def test_the_tool_goes_straight_into_a_place_and_straight_out(bulkhead: Site) ->
         assert np.linalg.norm(way) == pytest.approx(0.12, abs=1e-6)
 
 
-def test_between_its_configurations_the_tool_stays_near_the_line(bulkhead: Site) -> None:
-    found = move(bulkhead, "home", ["meas(m2)"])
+def test_between_its_configurations_the_tool_stays_near_the_line(bulkhead: MotionSite) -> None:
+    found = plan_named_motion(bulkhead, "home", ["meas(m2)"])
     line = found.legs[-1].path
     fine = np.concatenate([a + np.linspace(0, 1, 50)[:, None] * (b - a) for a, b in pairwise(line)])
     points = found.hand.poses(fine)[:, :3, 3]
@@ -64,34 +76,36 @@ def test_between_its_configurations_the_tool_stays_near_the_line(bulkhead: Site)
     assert off.max() < 2 * STRAY_M
 
 
-def test_a_line_that_breaks_says_at_which_joint_and_limit(bulkhead: Site) -> None:
-    found = move(bulkhead, "home", ["meas(m2)"])
+def test_a_line_that_breaks_says_at_which_joint_and_limit(bulkhead: MotionSite) -> None:
+    found = plan_named_motion(bulkhead, "home", ["meas(m2)"])
     q = found.whole()[-1]
     far = found.hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -1.5)
-    broken = straight(found.hand, q, far)
-    assert isinstance(broken, Broken)
+    broken = straight_line(found.hand, q, far)
+    assert isinstance(broken, BrokenLine)
     assert 0.0 < broken.share <= 1.0
     assert any(said in broken.why for said in ("limit", "singularity", "branch", "out of reach"))
 
 
-def pressing(site: Site, depth_m: float) -> Leg:
+def pressing(site: MotionSite, depth_m: float) -> MotionLeg:
     """The line into a point 4 mm below the surface of the web, of which `depth_m` are declared."""
     place = site.world.cell.places["meas(m2)"]
     x, y, _ = place.placement.pose.position_m
     lower = replace(place.placement, pose=replace(place.placement.pose, position_m=(x, y, 0.004)))
     place = replace(place, placement=lower)
     answer = site.reach.at(place)
-    assert isinstance(answer, Reached)
+    assert isinstance(answer, ReachedPlace)
     checker = site.reach.checker(place)
     hand = ArmHand(site.world, checker.scene, place.arm, site.reach.flange_to_end(place))
     q = answer.q[0]
-    line = straight(hand, q, hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -place.approach_m))
-    assert not isinstance(line, Broken)
-    assert isinstance(site.reach.at(replace(place, depth_m=depth_m)), Reached) == (depth_m > 0.004)
+    line = straight_line(
+        hand, q, hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -place.approach_m)
+    )
+    assert not isinstance(line, BrokenLine)
+    assert isinstance(site.reach.at(replace(place, depth_m=depth_m)), ReachedPlace) == (depth_m > 0.004)
     return leg_of(APPROACH, line, replace(place, depth_m=depth_m), site.reach)
 
 
-def test_what_touches_by_intention_is_proved_pair_by_pair(bulkhead: Site) -> None:
+def test_what_touches_by_intention_is_proved_pair_by_pair(bulkhead: MotionSite) -> None:
     leg = pressing(bulkhead, 0.005)
     (touch,) = leg.touches
     assert {touch.first, touch.second} == {"us_probe", "web"}
@@ -99,14 +113,16 @@ def test_what_touches_by_intention_is_proved_pair_by_pair(bulkhead: Site) -> Non
     assert touch.deepest_m == pytest.approx(0.004, abs=1e-6)
 
 
-def test_a_touch_deeper_than_declared_is_not_proved(bulkhead: Site) -> None:
+def test_a_touch_deeper_than_declared_is_not_proved(bulkhead: MotionSite) -> None:
     leg = pressing(bulkhead, 0.003)
     assert not leg.proved
     (touch,) = leg.touches
     assert touch.deepest_m > touch.allowed_m
 
 
-def test_a_line_on_which_something_goes_too_deep_is_left_out_where_another_does_not(bulkhead: Site) -> None:
+def test_a_line_on_which_something_goes_too_deep_is_left_out_where_another_does_not(
+    bulkhead: MotionSite,
+) -> None:
     place = replace(bulkhead.world.cell.places["meas(m2)"], depth_m=0.002)
     x, y, _ = place.placement.pose.position_m
     found = []
@@ -115,7 +131,7 @@ def test_a_line_on_which_something_goes_too_deep_is_left_out_where_another_does_
         there = bulkhead.reach.at(
             replace(place, depth_m=0.005, placement=replace(place.placement, pose=pose))
         )
-        assert isinstance(there, Reached)
+        assert isinstance(there, ReachedPlace)
         found.append(there.q[0])
     hand = ArmHand(
         bulkhead.world,
@@ -123,16 +139,18 @@ def test_a_line_on_which_something_goes_too_deep_is_left_out_where_another_does_
         place.arm,
         bulkhead.reach.flange_to_end(place),
     )
-    end = End("meas(m2)", place.arm, np.array(found), place)
-    both = departures(end, np.array(found), bulkhead.reach, hand, "--to")
+    end = MotionEnd("meas(m2)", place.arm, np.array(found), place)
+    both = lines_out(end, np.array(found), bulkhead.reach, hand, "--to")
     assert [line[0].tolist() for line in both.lines if line is not None] == [found[1].tolist()]
-    deep = departures(end, np.array(found[:1]), bulkhead.reach, hand, "--to")
+    deep = lines_out(end, np.array(found[:1]), bulkhead.reach, hand, "--to")
     assert len(deep.lines) == 1  # it is told later that this one is not proved
 
 
 @pytest.mark.parametrize("goal", ["meas(m2)", pytest.param("meas(m11)", marks=pytest.mark.slow)])
-def test_without_straight_lines_what_may_touch_goes_no_deeper_than_it_may(bulkhead: Site, goal: str) -> None:
-    found = move(bulkhead, "meas(m1)", [goal], Wish(direct=True))
+def test_without_straight_lines_what_may_touch_goes_no_deeper_than_it_may(
+    bulkhead: MotionSite, goal: str
+) -> None:
+    found = plan_named_motion(bulkhead, "meas(m1)", [goal], MotionWish(direct=True))
     assert [leg.kind for leg in found.legs] == [FREE]
     assert found.proved
     assert all(each.deepest_m <= each.allowed_m for each in found.legs[0].touches)
@@ -144,16 +162,16 @@ def test_without_straight_lines_what_may_touch_goes_no_deeper_than_it_may(bulkhe
 
 def test_a_start_that_is_walled_in_gives_way_to_the_next_one() -> None:
     posts = [block("post", (0.8 * np.cos(a), 0.8 * np.sin(a)), (0.1, 0.1)) for a in (1.0, -2.0)]
-    ground, goal = Ground(BuiltinChecker(arm_among(posts))), np.array([[2.0, 0.5]])
+    ground, goal = PlanningScene(BuiltinChecker(arm_among(posts))), np.array([[2.0, 0.5]])
     starts = np.array([[0.0, 0.0], [0.1, 0.0], [2.4, 0.0]])
-    ways = [Departures(each, (None,) * len(each), None) for each in (starts, starts[:2], goal)]
+    ways = [LegDepartures(each, (None,) * len(each), None) for each in (starts, starts[:2], goal)]
     hand: Any = SimpleNamespace(own=slice(0, 2))
-    first, _, answer = _planned(ground, hand, ways[0], ways[2:], Wish(budget=5000))
+    first, _, answer = _search_starts(ground, hand, ways[0], ways[2:], MotionWish(budget=5000))
     assert isinstance(answer, Moved)
     assert first == 2
     assert answer.proved
     assert np.array_equal(answer.path[0], starts[2])
-    first, _, answer = _planned(ground, hand, ways[1], ways[2:], Wish(budget=5000))
+    first, _, answer = _search_starts(ground, hand, ways[1], ways[2:], MotionWish(budget=5000))
     assert isinstance(answer, Blocked)
     assert first == 0
     assert answer.severed is not None  # from each of them
@@ -161,21 +179,23 @@ def test_a_start_that_is_walled_in_gives_way_to_the_next_one() -> None:
 
 @pytest.mark.parametrize("strategy", list(Strategy))
 def test_every_strategy_finds_a_proved_way_in_both_cells(
-    bulkhead: Site, themse: Site, strategy: Strategy
+    bulkhead: MotionSite, themse: MotionSite, strategy: Strategy
 ) -> None:
-    wish = Wish(strategy=strategy)
-    assert move(bulkhead, "home", ["meas(m9)"], wish).proved
-    assert move(themse, "slot(drawer, 1)", ["slot(freezer, 1)"], wish).proved
+    wish = MotionWish(strategy=strategy)
+    assert plan_named_motion(bulkhead, "home", ["meas(m9)"], wish).proved
+    assert plan_named_motion(themse, "slot(drawer, 1)", ["slot(freezer, 1)"], wish).proved
 
 
-def test_of_several_places_one_is_reached(themse: Site) -> None:
-    found = move(themse, "home", ["slot(freezer, 1)", "flap"])
+def test_of_several_places_one_is_reached(themse: MotionSite) -> None:
+    found = plan_named_motion(themse, "home", ["slot(freezer, 1)", "flap"])
     assert found.goal in ("slot(freezer, 1)", "flap")
     assert found.proved
 
 
-def test_an_upright_vessel_tilts_no_more_than_it_may(themse: Site) -> None:
-    found = move(themse, "slot(drawer, 1)", ["slot(freezer, 1)"], Wish(upright_rad=np.radians(5)))
+def test_an_upright_vessel_tilts_no_more_than_it_may(themse: MotionSite) -> None:
+    found = plan_named_motion(
+        themse, "slot(drawer, 1)", ["slot(freezer, 1)"], MotionWish(upright_rad=np.radians(5))
+    )
     assert isinstance(found.answer, Moved)
     poses = tool_points(found)
     up = poses[0, :3, :3].T @ [0, 0, 1]
@@ -183,11 +203,11 @@ def test_an_upright_vessel_tilts_no_more_than_it_may(themse: Site) -> None:
     assert tilts.max() <= np.radians(5) + 1e-6
 
 
-def test_in_a_zone_no_point_of_the_arm_is_faster_than_it_may_be(themse: Site) -> None:
+def test_in_a_zone_no_point_of_the_arm_is_faster_than_it_may_be(themse: MotionSite) -> None:
     zone = Zone("people", Box((0.7, 0.5, 0.6)), Placement("world", Pose((0.6, -0.4, 1.2), (0, 0, 0))), 0.2)
     world = replace(themse.world, cell=replace(themse.world.cell, zones={"people": zone}))
-    free = move(themse, "slot(drawer, 1)", ["slot(freezer, 1)"])
-    slow = move(replace(themse, world=world), "slot(drawer, 1)", ["slot(freezer, 1)"])
+    free = plan_named_motion(themse, "slot(drawer, 1)", ["slot(freezer, 1)"])
+    slow = plan_named_motion(replace(themse, world=world), "slot(drawer, 1)", ["slot(freezer, 1)"])
     assert slow.times.slow == ("people",)
     corners = slow.times.corners_s()
     assert len(corners) == len(slow.whole())
@@ -205,15 +225,15 @@ def test_in_a_zone_no_point_of_the_arm_is_faster_than_it_may_be(themse: Site) ->
     assert speeds[~inside].max() > 0.2
 
 
-def test_a_point_may_leave_the_turn_about_its_axis_open(bulkhead: Site) -> None:
-    fixed = move(bulkhead, "home", ["point 1.2, 0.3, 1.5"], Wish(tool="us_probe"))
-    open_ = move(bulkhead, "home", ["point 1.2, 0.3, 1.5 turns"], Wish(tool="us_probe"))
+def test_a_point_may_leave_the_turn_about_its_axis_open(bulkhead: MotionSite) -> None:
+    fixed = plan_named_motion(bulkhead, "home", ["point 1.2, 0.3, 1.5"], MotionWish(tool="us_probe"))
+    open_ = plan_named_motion(bulkhead, "home", ["point 1.2, 0.3, 1.5 turns"], MotionWish(tool="us_probe"))
     assert isinstance(fixed.answer, Moved)
     assert isinstance(open_.answer, Moved)
     assert np.allclose(open_.hand.poses(open_.whole()[-1:])[0, :3, 3], [1.2, 0.3, 1.5], atol=1e-6)
     assert open_.times.duration_s <= fixed.times.duration_s + 1e-9
 
 
-def test_ends_of_two_tools_are_refused(bulkhead: Site) -> None:
+def test_ends_of_two_tools_are_refused(bulkhead: MotionSite) -> None:
     with pytest.raises(InvalidInput, match="two tools"):
-        move(bulkhead, "meas(m1)", ["meas(m4)"])
+        plan_named_motion(bulkhead, "meas(m1)", ["meas(m4)"])

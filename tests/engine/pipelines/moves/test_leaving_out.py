@@ -7,28 +7,34 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from cellwright.engine.formats.report import planned
-from cellwright.engine.model.moves import MovedStep, Unmoved
+from cellwright.engine.formats.report.plans import plan_answer
+from cellwright.engine.model.motion_values import MovedStep, Unmoved
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import objective
-from cellwright.engine.pipelines.execution import Scope, Timed, Wanted, begin, named, resume
-from cellwright.engine.pipelines.execution.knowledge import added_knowledge, with_knowledge
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.moves.leaving_out import all_lost, within_reach
-from cellwright.engine.pipelines.moves.planning import plan_moving
-from cellwright.engine.pipelines.moves.walking import Walk, operation_of
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.poses.planning import plan_with_poses
+from cellwright.engine.pipelines.execution import (
+    RunRequest,
+    RunScope,
+    TimedOrders,
+    begin_run,
+    name_run,
+    resume_run,
+)
+from cellwright.engine.pipelines.execution.run_start import added_knowledge, with_knowledge
+from cellwright.engine.pipelines.motion.moving_plan import plan_moving, plan_with_poses
+from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, operation_of
+from cellwright.engine.pipelines.planning import plan_objective
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.goal_selection import all_lost, drop_unreachable_goals
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load_problem
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
+from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.cell_model import Body, BodyKind, Cell, Placement
 from cellwright.kb.model.conditions import goal_parts
-from cellwright.kb.model.plan import Step, StepId
-from cellwright.kb.model.problem import Chain, Problem
-from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.plan_model import Step, StepId
+from cellwright.kb.model.planning_problem import Chain, Problem
 from cellwright.kb.terms import Function
 
 HEAD = "problem: few\ndomain: bulkhead\nobjects:\n  measurement: [a1..3]\nstatics:\n"
@@ -66,7 +72,10 @@ def few(folder: Path, **elsewhere: tuple[float, float, int]) -> str:
 def moving(problem: Problem, cell: Cell) -> tuple[set[str], dict[str, str], bool]:
     """The points that are measured, those that are given up with the reasons, and whether all paths are proved."""
     made = plan_with_poses(
-        problem, cell, geometry_backend(), lambda each: objective.plan(each, Limits())
+        problem,
+        cell,
+        geometry_backend(),
+        lambda each: plan_objective.plan_for_objective(each, SearchLimits()),
     ).moving
     assert isinstance(made.run.outcome, Found)
     steps = made.run.outcome.plan.steps
@@ -108,9 +117,12 @@ def test_a_run_with_motion_goes_on_with_what_was_found_out_before_it(tmp_path: P
     target = few(tmp_path, **UNREACHED["too far away"])
     told = problem_of(target)
     made = plan_with_poses(
-        told, cell_of(target), geometry_backend(), lambda each: objective.plan(each, Limits())
+        told,
+        cell_of(target),
+        geometry_backend(),
+        lambda each: plan_objective.plan_for_objective(each, SearchLimits()),
     ).moving
-    wanted = named(Wanted(target, store=str(tmp_path / "j.db")), told)
+    wanted = name_run(RunRequest(target, store=str(tmp_path / "j.db")), told)
     whole = replace(made.problem, goal=told.goal)
     done = 0
 
@@ -121,15 +133,15 @@ def test_a_run_with_motion_goes_on_with_what_was_found_out_before_it(tmp_path: P
             raise Killed
 
     with pytest.raises(Killed):
-        begin(
+        begin_run(
             wanted,
             whole,
-            Timed(),
+            TimedOrders(),
             [kill],
             table=made.run.timetable,
-            scope=Scope(made.problem, made.given_up),
+            scope=RunScope(made.problem, made.given_up),
         )
-    ending = resume(wanted.store, wanted.run, Timed())
+    ending = resume_run(wanted.store, wanted.run, TimedOrders())
     assert (ending.outcome, len(ending.goals), len(ending.open_goals)) == ("partly", 2, 1)
     assert "out of the reach" in ending.given_up[0][1]
     assert isinstance(made.run.outcome, Found)
@@ -139,7 +151,7 @@ def test_a_run_with_motion_goes_on_with_what_was_found_out_before_it(tmp_path: P
 
 def test_goals_about_nothing_that_is_lost_stay() -> None:
     problem = load_problem("bulkhead/twelve_points")
-    left, given_up = within_reach(problem, {"m3": "it is too far", "m7": "it is behind"})
+    left, given_up = drop_unreachable_goals(problem, {"m3": "it is too far", "m7": "it is behind"})
     assert [each.why for each in given_up] == ["it is too far", "it is behind"]
     gone = set(goal_parts(problem.goal)) - set(goal_parts(left.goal))
     assert {str(part) for part in gone} == {each.goal for each in given_up}
@@ -148,7 +160,7 @@ def test_goals_about_nothing_that_is_lost_stay() -> None:
 def test_where_everything_is_lost_the_problem_stays() -> None:
     problem = load_problem("bulkhead/one_point")
     lost = {f"m{n}": "it is too far" for n in range(1, 13)}
-    assert within_reach(problem, lost) == (problem, ())
+    assert drop_unreachable_goals(problem, lost) == (problem, ())
     assert [each.why for each in all_lost(problem, lost)] == ["it is too far"]
 
 
@@ -158,19 +170,21 @@ def test_where_nothing_can_be_taken_the_answer_says_so_and_sends_nobody_to_expla
     made = plan_moving(problem, cell_of("bulkhead"), geometry_backend(), no_plan, lost=lost)
     assert made.run.outcome == Infeasible("no arm can take any of the measurements that are asked for")
     console = Console(file=io.StringIO(), width=200)
-    console.print(planned.text(planned.Made(made.run, problem, {}, made), False, False))
+    console.print(
+        plan_answer.plan_answer_text(plan_answer.PlanAnswer(made.run, problem, {}, made), False, False)
+    )
     said = console.file.getvalue()
     assert "it is too far" in said
     assert "cellwright explain" not in said
 
 
-def no_plan(_: Problem) -> objective.Run:
-    return objective.Run(Infeasible("there is none"))
+def no_plan(_: Problem) -> plan_objective.Run:
+    return plan_objective.Run(Infeasible("there is none"))
 
 
 def test_what_waits_for_a_lost_measurement_no_longer_waits() -> None:
     problem = problem_of("bulkhead/twelve_points", "", "measure m1, then m2, then m3")
-    left, given_up = within_reach(problem, {"m2": "it is too far"})
+    left, given_up = drop_unreachable_goals(problem, {"m2": "it is too far"})
     assert {each.why for each in given_up} == {"it is too far"}
     assert [chain.stages for chain in left.chains] == [problem.chains[n].stages for n in (0, 2)]
     assert all(not chain.after for chain in left.chains)
@@ -179,7 +193,7 @@ def test_what_waits_for_a_lost_measurement_no_longer_waits() -> None:
 def test_a_chain_ends_before_its_first_stage_that_is_lost() -> None:
     problem = problem_of("bulkhead/twelve_points", "", "measure m1, then m2, then m3")
     whole = Chain("all", tuple(stage for chain in problem.chains for stage in chain.stages))
-    left, given_up = within_reach(replace(problem, chains=(whole,)), {"m2": "it is too far"})
+    left, given_up = drop_unreachable_goals(replace(problem, chains=(whole,)), {"m2": "it is too far"})
     assert [chain.stages for chain in left.chains] == [whole.stages[:1]]
     assert [each.why for each in given_up][-2:] == ["it is too far", f"it comes after {whole.stages[1]}"]
 
@@ -193,7 +207,7 @@ def test_what_was_found_out_survives_the_journal() -> None:
     assert added_knowledge(told, told) == {}
 
 
-def taken(walk: Walk, text: str, before: frozenset[Function], after: frozenset[Function]) -> object:
+def taken(walk: PlanWalk, text: str, before: frozenset[Function], after: frozenset[Function]) -> object:
     """What comes of one step of the arm."""
     operation = operation_of(walk.cell, term(text))
     assert operation is not None
@@ -208,7 +222,7 @@ def test_a_step_to_where_a_scanner_sees_nothing_is_refused_with_what_hides_the_p
     screen = Body("screen", BodyKind.FIXTURE, Placement("bulkhead", Pose((0.0, -0.5, -0.04))), (plate,))
     answers = []
     for each in (cell, replace(cell, bodies={**cell.bodies, "screen": screen})):
-        walk = Walk(PlanGate().semantics(problem), each, geometry_backend())
+        walk = PlanWalk(PlanGate().semantics(problem), each, geometry_backend())
         assert isinstance(taken(walk, "pick_up(t3_746, slra)", before, holding), MovedStep)
         answers.append(taken(walk, "move(t3_746, rack(slra), meas(m4))", holding, holding))
     assert isinstance(answers[0], MovedStep)

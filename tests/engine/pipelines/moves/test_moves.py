@@ -7,27 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cellwright.engine.formats.report import film
-from cellwright.engine.model.moves import LegKind, MovedStep, Unmoved
+from cellwright.engine.formats.report.cells import motion_pictures
+from cellwright.engine.model.motion_values import LegKind, MovedStep, Unmoved
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import objective
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.moves.bars import without_blocked
-from cellwright.engine.pipelines.moves.film import filmed, takes_of_plan, thinned
-from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
-from cellwright.engine.pipelines.moves.states import states_of
-from cellwright.engine.pipelines.moves.walking import Walk, operation_of
-from cellwright.engine.pipelines.planning import check_plan
-from cellwright.engine.pipelines.simulation.dynamics import Dynamics, WorldState
+from cellwright.engine.pipelines.motion.moving_plan import MovingRun, plan_moving
+from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, operation_of, states_of
+from cellwright.engine.pipelines.motion.step_film import shots_of_film, takes_of_plan, thin_shots
+from cellwright.engine.pipelines.planning import plan_objective
+from cellwright.engine.pipelines.planning.plan_files import check_plan
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.pipelines.planning.restrictions import forbid_unreachable_steps
+from cellwright.engine.pipelines.recovery.world_model import Dynamics, WorldState
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.geometry.world.following import following
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load_problem
 from cellwright.kb.loader.cell import cell_of, load_cell
-from cellwright.kb.model.plan import Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
 DOMAIN = """
@@ -105,20 +103,23 @@ def kiln_room(folder: Path, lintel_m: float = 1.5, suits: tuple[str, ...] = SUIT
     return load_problem(str(folder / "problems" / "fire.yaml")), folder / "cell.yaml"
 
 
-def moving(problem: Problem, cell: Path) -> Moving:
+def moving(problem: Problem, cell: Path) -> MovingRun:
     return plan_moving(
-        problem, load_cell(cell), geometry_backend(), lambda each: objective.plan(each, Limits(20_000))
+        problem,
+        load_cell(cell),
+        geometry_backend(),
+        lambda each: plan_objective.plan_for_objective(each, SearchLimits(20_000)),
     )
 
 
 @pytest.fixture(scope="module")
-def fired(tmp_path_factory: pytest.TempPathFactory) -> Moving:
+def fired(tmp_path_factory: pytest.TempPathFactory) -> MovingRun:
     """The plan in which the brick is out of the way."""
     return moving(*kiln_room(tmp_path_factory.mktemp("kiln")))
 
 
 @pytest.mark.slow
-def test_what_stands_in_the_way_is_moved_first(fired: Moving) -> None:
+def test_what_stands_in_the_way_is_moved_first(fired: MovingRun) -> None:
     """The symbols know nothing of the brick on the kiln: it is found when the arm cannot put the bolt there."""
     found = fired
     assert isinstance(found.run.outcome, Found)
@@ -148,7 +149,7 @@ def test_a_place_under_a_low_lintel_is_never_reached_whatever_is_moved(tmp_path:
     assert {str(each.operator) for each in found.refused} >= {"put(bolt, kiln)"}
 
 
-def test_motions_fit_together_and_take_the_time_that_the_plan_says(fired: Moving) -> None:
+def test_motions_fit_together_and_take_the_time_that_the_plan_says(fired: MovingRun) -> None:
     found = fired
     assert isinstance(found.run.outcome, Found)
     at = np.radians([0, -90, 90, -90, -90, 0])
@@ -164,14 +165,14 @@ def test_motions_fit_together_and_take_the_time_that_the_plan_says(fired: Moving
     assert check_plan(found.problem, found.run.outcome.plan) == []
 
 
-def test_what_is_gripped_rides_with_the_arm_until_it_is_left(fired: Moving) -> None:
+def test_what_is_gripped_rides_with_the_arm_until_it_is_left(fired: MovingRun) -> None:
     steps = fired.steps
     held = [[leg.holding for leg in step.legs if leg.kind in (LegKind.WAY, LegKind.OUT)] for step in steps]
     assert held == [[(), ("brick",)], [("brick",), ()], [(), ("bolt",)], [("bolt",), ()]]
 
 
 @pytest.mark.slow
-def test_the_same_problem_has_the_same_motions(fired: Moving, tmp_path: Path) -> None:
+def test_the_same_problem_has_the_same_motions(fired: MovingRun, tmp_path: Path) -> None:
     one, other = fired, moving(*kiln_room(tmp_path))
     for first, second in zip(one.steps, other.steps, strict=True):
         for a, b in zip(first.legs, second.legs, strict=True):
@@ -203,7 +204,7 @@ def test_a_place_that_is_out_of_reach_is_out_of_reach_wherever_the_arm_comes_fro
     problem = replace(known, statics=(*known.statics, atom("serves(left, c2)")))
     semantics = PlanGate().semantics(problem)
     assert not _refuses(problem, "rack(us_probe)")
-    walk = Walk(semantics, cell_of("bulkhead"), geometry_backend())
+    walk = PlanWalk(semantics, cell_of("bulkhead"), geometry_backend())
     step = Step(StepId(1), atom("move_at(t3_746, left, rack(us_probe), meas(c2))"))
     before = (semantics.initial() - {atom("stands(t3_746, middle)")}) | {
         atom("stands(t3_746, left)"),
@@ -215,7 +216,7 @@ def test_a_place_that_is_out_of_reach_is_out_of_reach_wherever_the_arm_comes_fro
     assert isinstance(refused, Unmoved)
     assert refused.regardless == {0, 1, 2}
     assert atom("stands(t3_746, left)") in refused.while_true
-    barred = without_blocked(problem, [refused])
+    barred = forbid_unreachable_steps(problem, [refused])
     assert all(_refuses(barred, start) for start in ("rack(us_probe)", "meas(a1)", "meas(b1)"))
     assert not _refuses(barred, "rack(us_probe)", "right")
 
@@ -234,23 +235,23 @@ def _refuses(problem: Problem, start: str, station: str = "left") -> bool:
     return said != ""
 
 
-def test_a_film_shows_every_body_where_the_plan_puts_it(fired: Moving) -> None:
+def test_a_film_shows_every_body_where_the_plan_puts_it(fired: MovingRun) -> None:
     found = fired
     assert isinstance(found.run.outcome, Found)
     cell = load_cell(Path(str(found.problem.domain.path)).with_name("cell.yaml"))
     semantics = PlanGate().semantics(found.problem)
-    shots = list(filmed(takes_of_plan(semantics, cell, found.run.outcome.plan, found.steps), 0.2))
+    shots = list(shots_of_film(takes_of_plan(semantics, cell, found.run.outcome.plan, found.steps), 0.2))
     times = [each.at_s for each in shots]
     assert times == sorted(times)
     assert times[-1] == pytest.approx(sum(each.seconds for each in found.steps))
     *_, (_, _, after) = states_of(semantics, found.run.outcome.plan)
     for name in cell.bodies:
-        there = following(World.of(cell), after).pose("world", name)
+        there = world_after_facts(GeometricWorld.of(cell), after).pose("world", name)
         assert np.allclose(shots[-1].world.pose("world", name), there)
-    scene = json.loads(film.as_gltf(shots))
+    scene = json.loads(motion_pictures.film_gltf(shots))
     moving_nodes = {
         scene["nodes"][each["target"]["node"]]["name"] for each in scene["animations"][0]["channels"]
     }
     assert {"bolt", "brick", "carrier 1"} <= moving_nodes
     assert "oven" not in moving_nodes
-    assert [each.at_s for each in thinned(shots, 5.0)][:3] == pytest.approx([0, 5, 10], abs=0.21)
+    assert [each.at_s for each in thin_shots(shots, 5.0)][:3] == pytest.approx([0, 5, 10], abs=0.21)

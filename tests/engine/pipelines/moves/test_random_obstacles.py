@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 from test_moves import kiln_room, moving
 
-from cellwright.engine.model.moves import MovedStep
+from cellwright.engine.model.motion_values import MovedStep
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.moves.walking import Walk, operation_of
-from cellwright.engine.pipelines.simulation.dynamics import Dynamics, WorldState
+from cellwright.engine.pipelines.motion.plan_walk import PlanWalk, operation_of
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.pipelines.recovery.world_model import Dynamics, WorldState
 from cellwright.engine.plugins import geometry_backend
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.model.plan import Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
 PLACES = ("bench", "kiln", "top", "shelf")
@@ -34,7 +34,7 @@ def moves_anyhow(problem: Problem, cell: Path) -> bool:
     """Whether the goal is reached by trying every step that has a motion, in every state that is reached."""
     dynamics, walk = (
         Dynamics(problem),
-        Walk(PlanGate().semantics(problem), load_cell(cell), geometry_backend()),
+        PlanWalk(PlanGate().semantics(problem), load_cell(cell), geometry_backend()),
     )
     waiting, seen = [dynamics.start().facts], {dynamics.start().facts}
     while waiting:
@@ -52,7 +52,7 @@ def moves_anyhow(problem: Problem, cell: Path) -> bool:
     return False
 
 
-def _moves(walk: Walk, step: Function, before: frozenset[Function], after: frozenset[Function]) -> bool:
+def _moves(walk: PlanWalk, step: Function, before: frozenset[Function], after: frozenset[Function]) -> bool:
     walk.hands.go_home()
     operation = operation_of(walk.cell, step)
     assert operation is not None

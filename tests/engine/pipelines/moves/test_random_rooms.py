@@ -19,7 +19,7 @@ import pytest
 from scipy import ndimage
 from test_moves import DOMAIN, moving
 
-from cellwright.engine.model.geometry import Floats, Truths
+from cellwright.engine.kernels.arrays import Floats, Truths
 from cellwright.engine.model.outcome import Found
 from cellwright.kb.loader import load_problem
 from cellwright.kb.terms import Function

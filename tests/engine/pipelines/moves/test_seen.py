@@ -7,15 +7,21 @@ import numpy as np
 import pytest
 
 from cellwright.engine.kernels.linear import matmul
-from cellwright.engine.model.execution import SEEN
-from cellwright.engine.pipelines.moves.recognising import at_places
-from cellwright.engine.pipelines.moves.seen import ROOM_M, Seen, look_at, seen_in, with_seen
+from cellwright.engine.model.run_protocol import BODIES_SEEN
+from cellwright.engine.pipelines.motion.seen_bodies import (
+    SEEN_ROOM_M,
+    SeenBody,
+    at_places,
+    look_at,
+    seen_in,
+    with_seen,
+)
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.shapes.parts import cores
-from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.shapes.part_shapes import shape_cores
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.cell import Body, BodyKind, Cell, Placement
-from cellwright.kb.model.shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
+from cellwright.kb.model.body_shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
+from cellwright.kb.model.cell_model import Body, BodyKind, Cell, Placement
 
 
 def drawn(rng: np.random.Generator) -> Body:
@@ -37,19 +43,19 @@ def test_the_box_that_is_told_holds_the_whole_body() -> None:
     rng = np.random.default_rng(20)
     for _ in range(20):
         body = drawn(rng)
-        told = look_at(World.of(Cell("c", bodies={"thing": body})), "thing", boxed=True)
-        data = json.loads(json.dumps({SEEN: {"thing": told.entry()}}))
+        told = look_at(GeometricWorld.of(Cell("c", bodies={"thing": body})), "thing", boxed=True)
+        data = json.loads(json.dumps({BODIES_SEEN: {"thing": told.entry()}}))
         (seen,), unread = seen_in(data, Cell("c"))
         assert unread == ()
         known = with_seen(Cell("c"), [seen]).bodies["thing"]
-        half = np.array(known.shapes[0].shape.size_m) / 2 - ROOM_M  # type: ignore[union-attr]
+        half = np.array(known.shapes[0].shape.size_m) / 2 - SEEN_ROOM_M  # type: ignore[union-attr]
         T = matmul(
             transforms.inverse(transforms.of_pose(known.placement.pose)),
             transforms.of_pose(body.placement.pose),
         )
         worst = np.full(3, -np.inf)
         for placed in body.shapes:
-            for core in cores(placed.shape):
+            for core in shape_cores(placed.shape):
                 at = matmul(T, transforms.of_pose(placed.pose))
                 points = matmul(core.vertices, at[:3, :3].T) + at[:3, 3]
                 worst = np.maximum(worst, (np.abs(points) + core.radius_m).max(axis=0))
@@ -73,10 +79,10 @@ def test_the_box_that_is_told_holds_the_whole_body() -> None:
 )
 def test_what_cannot_be_read_is_named_and_left_out(entry: object) -> None:
     good = {"at": [0, 0, 1], "box": [1, 1, 1]}
-    seen, unread = seen_in({SEEN: {"odd": entry, "crate": good}}, Cell("c"))
+    seen, unread = seen_in({BODIES_SEEN: {"odd": entry, "crate": good}}, Cell("c"))
     assert [each.name for each in seen] == ["crate"]
     assert unread == ("odd",)
-    assert seen_in({SEEN: entry}, Cell("c"))[0] == ()
+    assert seen_in({BODIES_SEEN: entry}, Cell("c"))[0] == ()
 
 
 def test_a_known_body_gives_the_fact_of_the_place_where_it_was_seen() -> None:
@@ -84,10 +90,10 @@ def test_a_known_body_gives_the_fact_of_the_place_where_it_was_seen() -> None:
     where = {
         place: cell.places[place] for place in ("slot(drawer, 3)", "slot(freezer, 1)", "slot(furnace, 2)")
     }
-    world = World.of(cell)
+    world = GeometricWorld.of(cell)
     for name, place in where.items():
         T = matmul(world.pose("world", place.placement.parent), transforms.of_pose(place.placement.pose))
         there = matmul(T, transforms.inverse(world.grip("probe_1")))
-        (nearest, *_) = at_places(cell, Seen("probe_1", transforms.to_pose(there)))
+        (nearest, *_) = at_places(cell, SeenBody("probe_1", transforms.to_pose(there)))
         assert str(nearest) == f"at(probe_1, {name})"
-    assert at_places(cell, Seen("probe_1", Pose((0.6, 0.0, 1.3)))) == ()
+    assert at_places(cell, SeenBody("probe_1", Pose((0.6, 0.0, 1.3)))) == ()

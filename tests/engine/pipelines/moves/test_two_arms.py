@@ -8,28 +8,27 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.moves import LegKind
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.motion_values import LegKind
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.moves.meetings import Encounters
-from cellwright.engine.pipelines.moves.meetings import found as found_meetings
-from cellwright.engine.pipelines.moves.passing import moments_of
-from cellwright.engine.pipelines.moves.planning import Moving, plan_moving
-from cellwright.engine.pipelines.moves.rehearsal import Rehearsal, delayed
-from cellwright.engine.pipelines.moves.walking import Walk
-from cellwright.engine.pipelines.objective import Order, plan
-from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.pipelines.motion.arm_conflicts import ArmEncounters
+from cellwright.engine.pipelines.motion.arm_conflicts import find_meetings as found_meetings
+from cellwright.engine.pipelines.motion.arm_passing import moments_of
+from cellwright.engine.pipelines.motion.delay_rehearsal import DelayRehearsal, delayed_begins
+from cellwright.engine.pipelines.motion.moving_plan import MovingRun, plan_moving
+from cellwright.engine.pipelines.motion.plan_walk import PlanWalk
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice, plan_for_objective
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.geometry.world.following import following
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld, world_after_facts
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.plan import Plan, StepId
+from cellwright.kb.model.plan_model import Plan, StepId
 
 
 @lru_cache
-def moving(name: str) -> Moving:
+def moving(name: str) -> MovingRun:
     """The plan that moves for a problem of the bench."""
     target = f"dual/{name}"
     backend = geometry_backend()
@@ -37,11 +36,11 @@ def moving(name: str) -> Moving:
         problem_of(target, "", ""),
         cell_of(target),
         backend,
-        lambda p: plan(p, Limits(), None, Order.SEQUENCE),
+        lambda p: plan_for_objective(p, SearchLimits(), None, SequenceChoice.SEQUENCE),
     )
 
 
-def steps_of(made: Moving) -> Plan:
+def steps_of(made: MovingRun) -> Plan:
     assert isinstance(made.run.outcome, Found)
     return made.run.outcome.plan
 
@@ -74,11 +73,11 @@ def test_no_delay_lets_the_arms_collide(name: str, late_s: float) -> None:
     made, drawn = moving(name), random.Random(3)
     found = steps_of(made)
     semantics, backend = PlanGate().semantics(made.problem), geometry_backend()
-    walk, encounters = Walk(semantics, cell_of(f"dual/{name}"), backend), Encounters(backend)
-    rehearsal = Rehearsal(moments_of(walk, found, made.steps), encounters)
+    walk, encounters = PlanWalk(semantics, cell_of(f"dual/{name}"), backend), ArmEncounters(backend)
+    rehearsal = DelayRehearsal(moments_of(walk, found, made.steps), encounters)
     for _ in range(3):
         late = {step.id: drawn.uniform(0.0, late_s) for step in found.steps}
-        starts, last = delayed(found, made.steps, 1.0, late)
+        starts, last = delayed_begins(found, made.steps, 1.0, late)
         looked = rehearsal.seen(starts, last, step=0.01)
         assert looked.moments > looked.looks > 0
         assert looked.least_m > 0.0
@@ -87,10 +86,10 @@ def test_no_delay_lets_the_arms_collide(name: str, late_s: float) -> None:
 def test_where_an_arm_rests_after_a_step_of_both_is_looked_at() -> None:
     made = moving("bench")
     backend = geometry_backend()
-    walk = Walk(PlanGate().semantics(made.problem), cell_of("dual/bench"), backend)
+    walk = PlanWalk(PlanGate().semantics(made.problem), cell_of("dual/bench"), backend)
     moments = moments_of(walk, steps_of(made), made.steps)
     joint = {each.step for each in moments if len(each.arms) > 1}
-    rests = found_meetings(moments, frozenset(), Encounters(backend)).meetings.rests
+    rests = found_meetings(moments, frozenset(), ArmEncounters(backend)).meetings.rests
     assert any(after in joint for _, after, _ in rests)
 
 
@@ -99,8 +98,8 @@ def test_without_the_orders_the_arms_would_collide() -> None:
     found = steps_of(made)
     backend = geometry_backend()
     walk, encounters = (
-        Walk(PlanGate().semantics(made.problem), cell_of("dual/crossing"), backend),
-        Encounters(backend),
+        PlanWalk(PlanGate().semantics(made.problem), cell_of("dual/crossing"), backend),
+        ArmEncounters(backend),
     )
     moments = moments_of(walk, found, made.steps)
     own, starts = dict[str, float](), {}
@@ -109,7 +108,7 @@ def test_without_the_orders_the_arms_would_collide() -> None:
         arm = each.arms[0]
         starts[each.step] = own.get(arm, 0.0)
         own[arm] = starts[each.step] + each.moved.seconds
-    looked = Rehearsal(moments, encounters).seen(starts, max(own.values()), step=0.01)
+    looked = DelayRehearsal(moments, encounters).seen(starts, max(own.values()), step=0.01)
     assert looked.least_m <= 0.0
 
 
@@ -125,7 +124,9 @@ def test_each_hand_keeps_its_pose_on_the_beam() -> None:
     made = moving("carried")
     carry = next(leg for leg in made.steps[0].legs if leg.kind is LegKind.CARRY)
     (other,) = carry.beside
-    world = following(World.of(cell_of("dual/carried")), PlanGate().semantics(made.problem).initial())
+    world = world_after_facts(
+        GeometricWorld.of(cell_of("dual/carried")), PlanGate().semantics(made.problem).initial()
+    )
     first = None
     for t in np.linspace(0.0, carry.seconds, 200):
         now = world.moved(carry.arm, carry.at(t)).moved(other.arm, other.at(t))
@@ -147,12 +148,12 @@ def test_stretches_decided_by_one_look_say_what_a_look_at_each_moment_says() -> 
         made, drawn = moving(name), random.Random(5)
         found, backend = steps_of(made), geometry_backend()
         walk, encounters = (
-            Walk(PlanGate().semantics(made.problem), cell_of(f"dual/{name}"), backend),
-            Encounters(backend),
+            PlanWalk(PlanGate().semantics(made.problem), cell_of(f"dual/{name}"), backend),
+            ArmEncounters(backend),
         )
-        rehearsal = Rehearsal(moments_of(walk, found, made.steps), encounters)
+        rehearsal = DelayRehearsal(moments_of(walk, found, made.steps), encounters)
         late = {step.id: drawn.uniform(0.0, 4.0) for step in found.steps}
-        starts, last = delayed(found, made.steps, 1.0, late)
+        starts, last = delayed_begins(found, made.steps, 1.0, late)
         looked = rehearsal.seen(starts, last, step=0.02)
         moments, least = _looked_one_by_one(rehearsal, starts, last, 0.02)
         assert looked.moments == moments
@@ -160,7 +161,7 @@ def test_stretches_decided_by_one_look_say_what_a_look_at_each_moment_says() -> 
 
 
 def _looked_one_by_one(
-    rehearsal: Rehearsal, starts: Mapping[StepId, float], until_s: float, step: float
+    rehearsal: DelayRehearsal, starts: Mapping[StepId, float], until_s: float, step: float
 ) -> tuple[int, float]:
     """How many moments there are, and how near the arms come, by a look at each; where an arm is, its legs say."""
     left, right = (rehearsal.courses[arm].begun(starts, until_s) for arm in ("left", "right"))
@@ -182,7 +183,7 @@ def _looked_one_by_one(
     return count, least
 
 
-def _configuration(rehearsal: Rehearsal, arm: str, starts: Mapping[StepId, float], t: float) -> Floats:
+def _configuration(rehearsal: DelayRehearsal, arm: str, starts: Mapping[StepId, float], t: float) -> Floats:
     """Where an arm is at a time, leg by leg."""
     q: Floats = rehearsal.moments[0].before.configurations[arm]
     for moment in sorted(rehearsal.moments, key=lambda each: starts[each.step]):

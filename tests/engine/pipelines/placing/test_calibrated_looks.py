@@ -6,26 +6,31 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cellwright.engine.kernels.rigid import difference, transform, turned
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.model.vision import Camera, Hypothesis, Located
-from cellwright.engine.pipelines.placing.looking import camera_of, camera_pose, corrected, doubted
-from cellwright.engine.pipelines.placing.optics import Errors, Optics
-from cellwright.engine.pipelines.placing.seeing import Seeing
-from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import difference, rotation_by_vector, transform
+from cellwright.engine.model.vision import DepthCamera, LocatedPart, PoseHypothesis
+from cellwright.engine.pipelines.manipulation.camera_cell import RunCamera
+from cellwright.engine.pipelines.manipulation.camera_optics import CameraErrors, CameraOptics
+from cellwright.engine.pipelines.manipulation.scene_camera import (
+    add_camera_doubt,
+    camera_of,
+    camera_pose,
+    correct_depths,
+)
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader.calibration import calibration_text, load_calibration
-from cellwright.kb.loader.scene import load_scene
-from cellwright.kb.model.scene import CameraFound
-from cellwright.kb.targets import BUNDLED
+from cellwright.kb.loader.calibration_file import calibration_text, load_calibration
+from cellwright.kb.loader.scene_file import load_scene
+from cellwright.kb.model.part_scene import CameraFound
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
-SCENE = load_scene(BUNDLED / "handey" / "scene.yaml")
-WORLD = World.of(SCENE.cell)
-OFF = Errors((0.006, -0.004, 0.003), (0.004, -0.006, 0.01), 1.003, (1.2, -0.8), 0.004, 1.003)
+SCENE = load_scene(BUNDLED_DOMAINS / "handey" / "scene.yaml")
+WORLD = GeometricWorld.of(SCENE.cell)
+OFF = CameraErrors((0.006, -0.004, 0.003), (0.004, -0.006, 0.01), 1.003, (1.2, -0.8), 0.004, 1.003)
 
 
-def seeing(errors: Errors, keep: Path | None = None) -> Seeing:
-    return Seeing(SCENE, Optics.of(SCENE, errors), lambda: WORLD, seed=1, keep=keep)
+def seeing(errors: CameraErrors, keep: Path | None = None) -> RunCamera:
+    return RunCamera(SCENE, CameraOptics.of(SCENE, errors), lambda: WORLD, seed=1, keep=keep)
 
 
 def found(text: str, name: str) -> list[int]:
@@ -36,7 +41,7 @@ def found(text: str, name: str) -> list[int]:
 
 def test_a_calibration_is_read_as_it_was_written(tmp_path: Path) -> None:
     random = np.random.default_rng(3)
-    T = transform(turned(random.normal(size=3)), random.normal(size=3))
+    T = transform(rotation_by_vector(random.normal(size=3)), random.normal(size=3))
     rows = tuple(tuple(map(float, row)) for row in T)
     covariance = tuple(tuple(map(float, row)) for row in np.diag(random.random(9)))
     known = CameraFound(rows, 1001.5, (319.0, 241.25), covariance, 0.003, 1.002, 0.0012)
@@ -63,9 +68,9 @@ def test_a_calibration_that_cannot_be_one_is_refused(old: str, new: str, said: s
         load_calibration(tmp_path / "kept.json")
 
 
-def seen_at(T_camera_part: Floats) -> Located:
-    return Located(
-        Hypothesis(T_camera_part, 1.0, 1.0, 1.0, 1000, 1000.0), np.zeros((6, 6)), (T_camera_part,), None
+def seen_at(T_camera_part: Floats) -> LocatedPart:
+    return LocatedPart(
+        PoseHypothesis(T_camera_part, 1.0, 1.0, 1.0, 1000, 1000.0), np.zeros((6, 6)), (T_camera_part,), None
     )
 
 
@@ -73,11 +78,11 @@ def test_what_is_doubted_of_a_camera_is_doubted_of_what_it_sees() -> None:
     """The covariance agrees with that of poses that are drawn, and read with drawn cameras."""
     random = np.random.default_rng(0)
     camera, T_world_camera = camera_of(SCENE), camera_pose(SCENE, WORLD)
-    T = transform(turned(np.array([0.2, -0.1, 0.7])), (0.11, -0.07, 0.9))
+    T = transform(rotation_by_vector(np.array([0.2, -0.1, 0.7])), (0.11, -0.07, 0.9))
     sigma = np.array([1e-3, 2e-3, 5e-4, 1e-3, 2e-3, 3e-3, 2.0, 1.0, 1.5])
     drawn = []
     for x in random.normal(size=(4000, 9)) * sigma:
-        lens = Camera(
+        lens = DepthCamera(
             camera.width,
             camera.height,
             camera.focal_px + x[6],
@@ -85,12 +90,12 @@ def test_what_is_doubted_of_a_camera_is_doubted_of_what_it_sees() -> None:
         )
         u, v = camera.pixels(T[:3, 3])
         p = lens.rays(u, v) * T[2, 3]
-        R = turned(x[3:6]) @ T_world_camera[:3, :3]
+        R = rotation_by_vector(x[3:6]) @ T_world_camera[:3, :3]
         at = R @ p + T_world_camera[:3, 3] + x[:3]
         back = T_world_camera[:3, :3].T @ (at - T_world_camera[:3, 3])
         drawn.append(back - T[:3, 3])
-    found_it = doubted(seen_at(T), camera, T_world_camera, np.diag(sigma**2))
-    assert isinstance(found_it, Located)
+    found_it = add_camera_doubt(seen_at(T), camera, T_world_camera, np.diag(sigma**2))
+    assert isinstance(found_it, LocatedPart)
     expected = np.cov(np.array(drawn).T)
     assert np.abs(found_it.covariance[:3, :3] - expected).max() < 0.1 * expected.max()
     turns = T_world_camera[:3, :3].T @ np.diag(sigma[3:6] ** 2) @ T_world_camera[:3, :3]
@@ -98,15 +103,15 @@ def test_what_is_doubted_of_a_camera_is_doubted_of_what_it_sees() -> None:
 
 
 def test_a_range_finder_is_calibrated_and_its_images_are_corrected(tmp_path: Path) -> None:
-    camera = seeing(Errors(offset_m=0.004, scale=1.003), tmp_path / "kept.json")
+    camera = seeing(CameraErrors(offset_m=0.004, scale=1.003), tmp_path / "kept.json")
     assert not camera.range_is_true()
     offset, scale, noise = found(camera.calibrate_range(), "range")
     assert abs(offset - 4000) < 300
     assert abs(scale - 1_003_000) < 300
     assert 900 < noise < 1100
     assert camera.range_is_true()
-    exact = Optics.of(SCENE).image(WORLD, 7)
-    image = corrected(camera.scene, camera.image())
+    exact = CameraOptics.of(SCENE).image(WORLD, 7)
+    image = correct_depths(camera.scene, camera.image())
     both = (exact > 0) & (image.depth > 0)
     assert abs(float(np.median((image.depth - exact)[both]))) < 0.0003
     assert load_calibration(tmp_path / "kept.json") == camera.scene.calibrated
@@ -129,7 +134,7 @@ def test_a_camera_that_was_moved_is_found_out_and_calibrated() -> None:
 
 
 def test_a_depth_map_is_kept(tmp_path: Path) -> None:
-    camera = replace(seeing(Errors()), maps=tmp_path / "maps")
+    camera = replace(seeing(CameraErrors()), maps=tmp_path / "maps")
     number, seen = found(camera.take_depth_map(), "map")
     kept = np.load(tmp_path / "maps" / f"map_{number}.npy")
     assert round(1000 * float((kept > 0).mean())) == seen

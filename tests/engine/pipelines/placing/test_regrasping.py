@@ -8,25 +8,30 @@ import pytest
 
 from cellwright.engine.kernels.arrays import Truths
 from cellwright.engine.kernels.rigid import rotation, transform
-from cellwright.engine.model.grasping import Regrasps, Unplaceable
-from cellwright.engine.pipelines.placing.answers import NotPlaced, Placed
-from cellwright.engine.pipelines.placing.looking import look
-from cellwright.engine.pipelines.placing.placing import place
-from cellwright.engine.pipelines.placing.site import Site
-from cellwright.engine.pipelines.placing.task import Task
-from cellwright.engine.pipelines.placing.ways import possible, reached, rests, serving, shortest
+from cellwright.engine.model.manipulation_values import Regrasps, Unplaceable
+from cellwright.engine.pipelines.manipulation.place_answers import NotPlaced, Placed
+from cellwright.engine.pipelines.manipulation.place_operation import place_part
+from cellwright.engine.pipelines.manipulation.regrasp_paths import (
+    fewest_regrasps,
+    possible_holds,
+    reached_holds,
+    serving_holds,
+    table_rests,
+)
+from cellwright.engine.pipelines.manipulation.scene_camera import look_for_parts
+from cellwright.engine.pipelines.manipulation.workspace import AssemblySite, PlaceTask
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.shapes.solids import solid_of
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.grasping.placements import placements, volume_and_centre
-from cellwright.kb.loader.scene import load_scene
-from cellwright.kb.model.cell import Placement
-from cellwright.kb.model.scene import Scene
-from cellwright.kb.targets import BUNDLED
+from cellwright.engine.stages.geometry.shapes.facet_solids import solid_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.engine.stages.grasping.stable_placements import stable_placements, volume_and_centre
+from cellwright.kb.loader.scene_file import load_scene
+from cellwright.kb.model.cell_model import Placement
+from cellwright.kb.model.part_scene import Scene
+from cellwright.kb.targets import BUNDLED_DOMAINS
 
-SCENE = load_scene(BUNDLED / "handey" / "scenes" / "turning.yaml")
+SCENE = load_scene(BUNDLED_DOMAINS / "handey" / "scenes" / "turning.yaml")
 WHEEL = solid_of(SCENE.cell.bodies["wheel"])
-RESTS = {each.facet: each for each in placements(WHEEL, volume_and_centre(WHEEL)[1])}
+RESTS = {each.facet: each for each in stable_placements(WHEEL, volume_and_centre(WHEEL)[1])}
 
 
 def lying(facet: str) -> Scene:
@@ -38,7 +43,7 @@ def lying(facet: str) -> Scene:
 
 def regrasps_of(scene: Scene) -> int:
     """How many regrasps PLACE plans; each carry begins where the one before it has ended."""
-    found, _ = place(scene, "wheel", "base")
+    found, _ = place_part(scene, "wheel", "base")
     assert isinstance(found, Placed)
     legs = [leg for carry in found.carries for leg in carry.legs]
     assert all(np.array_equal(a.path[-1], b.path[0]) for a, b in pairwise(legs))
@@ -61,18 +66,22 @@ def test_a_wheel_that_lies_further_round_takes_more_regrasps(facet: str, count: 
 
 def test_a_hand_that_cannot_lean_cannot_turn_the_wheel_at_all() -> None:
     scene = lying("north")
-    found, _ = place(replace(scene, hand=replace(scene.hand, cross_m=(0.14, 0.5, 0.03))), "wheel", "base")
+    found, _ = place_part(
+        replace(scene, hand=replace(scene.hand, cross_m=(0.14, 0.5, 0.03))), "wheel", "base"
+    )
     assert isinstance(found, NotPlaced)
     assert found.step == "regrasp"
 
 
-def task_of(facet: str) -> Task:
+def task_of(facet: str) -> PlaceTask:
     """The task from a facet to the goal: lying on `south`."""
     scene = lying(facet)
-    world = World.of(scene.cell)
+    world = GeometricWorld.of(scene.cell)
     start = world.pose("world", "wheel")
     goal = transform(np.eye(3), np.array([0.4, -0.3, 0.02]))
-    return Site.of(scene, world, look(scene, world, (), 0), {"wheel": start}).task("wheel", (start, goal))
+    return AssemblySite.of(scene, world, look_for_parts(scene, world, (), 0), {"wheel": start}).task(
+        "wheel", (start, goal)
+    )
 
 
 def fewest(start: Truths, goal: Truths, table: Truths) -> int | None:
@@ -92,11 +101,11 @@ def fewest(start: Truths, goal: Truths, table: Truths) -> int | None:
 @pytest.mark.parametrize("facet", ["west", "north_west", "north"])
 def test_asking_for_the_arm_late_finds_the_fewest_regrasps(facet: str) -> None:
     task = task_of(facet)
-    poses = [T for _, T in rests(task)]
-    start, goal = possible(task, task.T_start), possible(task, task.T_goal)
-    table = serving(task, poses)
-    found = shortest(task, (start, goal), poses, table.copy())
-    whole = np.array([reached(task, T, table[:, n]) for n, T in enumerate(poses)]).T
+    poses = [T for _, T in table_rests(task)]
+    start, goal = possible_holds(task, task.T_start), possible_holds(task, task.T_goal)
+    table = serving_holds(task, poses)
+    found = fewest_regrasps(task, (start, goal), poses, table.copy())
+    whole = np.array([reached_holds(task, T, table[:, n]) for n, T in enumerate(poses)]).T
     least = fewest(start, goal, whole)
     assert not isinstance(found, Unplaceable) or least is None
     assert not isinstance(found, Regrasps) or len(found.then) == least

@@ -6,23 +6,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cellwright.engine.model.measurements import asked_for
-from cellwright.engine.pipelines import poses
-from cellwright.engine.pipelines.moves.rides import Ride
-from cellwright.engine.pipelines.moves.rooms import Room
-from cellwright.engine.pipelines.places import with_measured_places
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.poses import Knowledge, known_poses, with_stations
+from cellwright.engine.model.part_measurements import asked_for
+from cellwright.engine.pipelines.inspection.measurement_places import with_measured_places
+from cellwright.engine.pipelines.motion import measurement_poses
+from cellwright.engine.pipelines.motion.cell_state import BodyRide, CellState
+from cellwright.engine.pipelines.motion.measurement_poses import PoseKnowledge, known_poses, with_stations
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.plugins import geometry_backend
-from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.engine.stages.grounding.need import thinned
+from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.engine.stages.grounding.pruning import drop_irrelevant_objects
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.cell import TOUCH_M, Body, BodyKind, Cell, Placement
+from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.cell_model import TOUCH_DEPTH_M, Body, BodyKind, Cell, Placement
 from cellwright.kb.model.conditions import And, goal_parts
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Number
 
 PROBLEM = "bulkhead/three_stations"
@@ -40,7 +39,7 @@ def cell() -> Cell:
 
 
 @pytest.fixture(scope="module")
-def known(problem: Problem, cell: Cell) -> Knowledge:
+def known(problem: Problem, cell: Cell) -> PoseKnowledge:
     return known_poses(problem, cell, geometry_backend())
 
 
@@ -51,12 +50,14 @@ def moved_to(problem: Problem, point: str, x: int, y: int) -> Problem:
     return replace(problem, statics=(*others, at))
 
 
-def depths(cell: Cell, known: Knowledge) -> list[float]:
+def depths(cell: Cell, known: PoseKnowledge) -> list[float]:
     """How deep the probe is in what it may touch at the deepest of each way, looked at five times on each line."""
     found = []
     for each in (each for each in known.poses.values() if each.reached and each.tool == "us_probe"):
-        world = World.of(cell).guided("carriage", {"left": -1.6, "middle": 0.0, "right": 1.6}[each.station])
-        checker = geometry_backend().checker(scene_of(world.held(each.tool, "t3_746")))
+        world = GeometricWorld.of(cell).guided(
+            "carriage", {"left": -1.6, "middle": 0.0, "right": 1.6}[each.station]
+        )
+        checker = geometry_backend().checker(collision_scene_of(world.held(each.tool, "t3_746")))
         whole = np.concatenate(
             [
                 a + np.linspace(0.0, 1.0, 5)[:, None] * (b - a)
@@ -85,17 +86,17 @@ def test_a_probe_may_lean_into_a_rib_as_deep_as_it_may_touch_and_no_deeper(
     y = -1_700_000 - 15_000 - 20_000 + depth_mm * 1000  # half a rib, the radius of the probe
     known = known_poses(moved_to(problem, "a1", -200_000, y), cell, geometry_backend())
     assert ("a1" not in known.unreached()) == reached
-    assert max(depths(cell, known)) <= TOUCH_M + 1e-9
+    assert max(depths(cell, known)) <= TOUCH_DEPTH_M + 1e-9
 
 
 @pytest.mark.slow
-def test_all_points_keep_poses_that_enter_nothing(cell: Cell, known: Knowledge) -> None:
+def test_all_points_keep_poses_that_enter_nothing(cell: Cell, known: PoseKnowledge) -> None:
     assert known.unreached() == {}
-    assert max(depths(cell, known)) <= TOUCH_M
+    assert max(depths(cell, known)) <= TOUCH_DEPTH_M
 
 
 def test_poses_are_found_again_where_less_depth_is_allowed(
-    problem: Problem, cell: Cell, known: Knowledge
+    problem: Problem, cell: Cell, known: PoseKnowledge
 ) -> None:
     places = {
         "meas(b1)": replace(
@@ -119,9 +120,9 @@ def with_block(cell: Cell, at: tuple[float, float, float], size: float = 0.1) ->
 
 
 def test_poses_that_are_found_together_are_those_that_are_found_alone(
-    problem: Problem, cell: Cell, known: Knowledge, monkeypatch: pytest.MonkeyPatch
+    problem: Problem, cell: Cell, known: PoseKnowledge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(poses, "TOGETHER", 1)
+    monkeypatch.setattr(measurement_poses, "POSES_AT_A_TIME", 1)
     alone = known_poses(problem, cell, geometry_backend())
     assert alone.poses.keys() == known.poses.keys()
     for key, each in alone.poses.items():
@@ -137,7 +138,7 @@ def test_poses_that_are_found_together_are_those_that_are_found_alone(
 
 
 def test_nothing_is_found_again_where_nothing_has_changed(
-    problem: Problem, cell: Cell, known: Knowledge
+    problem: Problem, cell: Cell, known: PoseKnowledge
 ) -> None:
     again = known_poses(problem, cell, geometry_backend(), known.poses)
     assert (again.kept, again.made) == (len(known.poses), 0)
@@ -166,7 +167,7 @@ def test_where_a_goal_names_no_measurement_all_are_looked_at(goals: str) -> None
 
 
 def test_a_block_before_one_point_touches_only_the_poses_near_it_and_takes_the_point_away(
-    problem: Problem, cell: Cell, known: Knowledge
+    problem: Problem, cell: Cell, known: PoseKnowledge
 ) -> None:
     x, y = next(
         (float(fact.arguments[1].value) * 1e-6, float(fact.arguments[2].value) * 1e-6)  # type: ignore[union-attr]
@@ -185,7 +186,7 @@ def test_a_block_before_one_point_touches_only_the_poses_near_it_and_takes_the_p
 
 
 def test_one_rib_that_moves_leaves_the_poses_near_other_ribs_as_they_are(
-    problem: Problem, cell: Cell, known: Knowledge
+    problem: Problem, cell: Cell, known: PoseKnowledge
 ) -> None:
     ribs = cell.bodies["ribs"]
     x, _, z = ribs.shapes[5].pose.position_m
@@ -204,7 +205,7 @@ def test_one_rib_that_moves_leaves_the_poses_near_other_ribs_as_they_are(
 
 @pytest.mark.slow
 def test_a_scanner_looks_past_what_stands_beside_its_way_and_is_told_what_hides_a_point(
-    problem: Problem, cell: Cell, known: Knowledge
+    problem: Problem, cell: Cell, known: PoseKnowledge
 ) -> None:
     """The block is where no pose of the arm touches it: only the eyes of the scanner meet it."""
     hidden = known_poses(
@@ -221,7 +222,7 @@ def test_a_scanner_looks_past_what_stands_beside_its_way_and_is_told_what_hides_
 
 
 def test_a_patch_is_as_large_as_what_stands_around_lets_see(
-    problem: Problem, cell: Cell, known: Knowledge
+    problem: Problem, cell: Cell, known: PoseKnowledge
 ) -> None:
     """A ring of four blocks leaves a window of 4 cm."""
     walls = [(0.2 + x, -1.25 + y, -0.01) for x, y in ((0.04, 0), (-0.04, 0), (0, 0.04), (0, -0.04))]
@@ -244,16 +245,18 @@ def test_a_patch_is_as_large_as_what_stands_around_lets_see(
     assert all(each.sigma_m > 0 for each in known.poses.values() if each.patch)
 
 
-def at_value(world: World, value: float, q: np.ndarray, kinematics: dict[str, InverseKinematics]) -> bool:
+def at_value(
+    world: GeometricWorld, value: float, q: np.ndarray, kinematics: dict[str, InverseKinematics]
+) -> bool:
     """Whether the arm touches something while it stands there."""
-    room = Room(world.guided("carriage", value), geometry_backend(), kinematics)
+    room = CellState(world.guided("carriage", value), geometry_backend(), kinematics)
     return bool(room.free("t3_746").collides(q[None])[0])
 
 
 def test_a_ride_looks_at_what_the_world_at_each_place_of_it_looks_like(cell: Cell) -> None:
-    world = World.of(with_block(cell, (-0.8, 1.2, -0.5), 0.3))
+    world = GeometricWorld.of(with_block(cell, (-0.8, 1.2, -0.5), 0.3))
     kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
-    ride = Ride.of(Room(world, geometry_backend(), kinematics), "carriage", -1.6, 1.6)
+    ride = BodyRide.of(CellState(world, geometry_backend(), kinematics), "carriage", -1.6, 1.6)
     q = world.configurations["t3_746"]
     values = np.linspace(-1.6, 1.6, 9)
     alone = [at_value(world, float(value), q, kinematics) for value in values]
@@ -283,4 +286,4 @@ def test_stations_do_not_keep_measurements_from_being_left_out() -> None:
         )
     )
     wide = replace(one, objects={**one.objects, **many}, statics=(*one.statics, *more))
-    assert len(thinned(wide).left_out) >= 15
+    assert len(drop_irrelevant_objects(wide).left_out) >= 15

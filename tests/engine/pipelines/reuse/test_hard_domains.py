@@ -6,17 +6,17 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.formats.report.macros import origin
+from cellwright.engine.formats.report.plans.library_report import plan_origin
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.reuse import Answered, Practice
-from cellwright.engine.stages.macros.learning.generalise import generalise
-from cellwright.engine.stages.macros.lifted.execution import executed
-from cellwright.engine.stages.macros.lookup.query import query
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.macros import LibraryAnswer, LibraryPlanner
+from cellwright.engine.stages.lifted.lifted_execution import final_situation
+from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
+from cellwright.engine.stages.macros.lookup.macro_query import make_query
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.loader import load, with_goals
-from cellwright.kb.model.plan import Plan
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library
 from cellwright.kb.terms import Function
 
@@ -59,13 +59,13 @@ def read(file: Path) -> Problem:
 @pytest.mark.parametrize("goals", ["tidy", "shiny", "tidy, shiny"])
 def test_a_plan_with_a_condition_on_all_objects_is_given_and_not_learned(tmp_path: Path, goals: str) -> None:
     problem = read(problem_in(tmp_path, ALL, goals))
-    with Library(str(tmp_path / "store.db")) as library, Practice(library) as practice:
+    with Library(str(tmp_path / "store.db")) as library, LibraryPlanner(library) as practice:
         answered = practice.plan(problem)
         here = practice.situation(problem)
     assert isinstance(answered.outcome, Found)
-    assert validate(problem, answered.outcome.plan) == []
+    assert validate_plan(problem, answered.outcome.plan) == []
     assert "all objects" in answered.reason
-    end = executed(answered.outcome.plan, here)
+    end = final_situation(answered.outcome.plan, here)
     assert {str(each) for each in end.state} >= set(goals.split(", "))
 
 
@@ -87,15 +87,15 @@ def test_of_two_macrops_the_cheaper_instance_is_taken(tmp_path: Path) -> None:
     on_foot = read(file)
     paid = with_goals(on_foot.domain, "at(there)", on_foot)
     paid = paid.replace((Function("at", (Function("here"),)), Function("ticket")))
-    with Library(str(tmp_path / "store.db")) as library, Practice(library) as practice:
+    with Library(str(tmp_path / "store.db")) as library, LibraryPlanner(library) as practice:
         first, second = practice.plan(on_foot), practice.plan(paid)
         assert [_cost(each) for each in (first, second)] == [10, 10]  # the library has a way already
         here = practice.situation(paid)
         ride = _ride(paid)
-        learned = generalise(paid, ride, here.world, here.state).macrop
+        learned = generalise_plan(paid, ride, here.world, here.state).macrop
         assert learned.cost is None
         practice.repertoire(paid.domain).learn(learned)
-        asked = query(paid, here)
+        asked = make_query(paid, here)
         assert asked is not None
         hit = practice.repertoire(paid.domain).find(asked)
     assert hit is not None
@@ -103,17 +103,17 @@ def test_of_two_macrops_the_cheaper_instance_is_taken(tmp_path: Path) -> None:
 
 
 def _ride(problem: Problem) -> Plan:
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     assert outcome.plan.cost == 3
     return outcome.plan
 
 
-def _cost(answered: Answered) -> int:
+def _cost(answered: LibraryAnswer) -> int:
     assert isinstance(answered.outcome, Found)
     return answered.outcome.plan.cost
 
 
 def test_parts_are_named_only_where_they_are_shown() -> None:
-    assert origin("parts", None, "", "").plain == "Composed of MACROPs."
-    assert origin("parts", None, "", "", listed=True).plain == "Composed of the parts above."
+    assert plan_origin("parts", None, "", "").plain == "Composed of MACROPs."
+    assert plan_origin("parts", None, "", "", listed=True).plain == "Composed of the parts above."

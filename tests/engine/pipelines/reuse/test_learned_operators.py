@@ -8,20 +8,25 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.formats.interop.pddl import read_pddl
-from cellwright.engine.model.outcome import Found, Offer, Statistics
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.reuse import Practice
-from cellwright.engine.pipelines.reuse.lessons import records
-from cellwright.engine.pipelines.reuse.subsequences import FAILED, SIGNATURE, Subsequences, pattern_of
-from cellwright.engine.stages.macros.learning.subsequences import fits
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.planning.utility import measured
-from cellwright.engine.stages.validation import validate
-from cellwright.kb.model.domain import Domain, Operator
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.formats.interop.pddl import read_pddl_task
+from cellwright.engine.model.outcome import Found, MacroOffer, Statistics
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.macros import LibraryPlanner
+from cellwright.engine.pipelines.planning.macros.macro_exchange import macro_records
+from cellwright.engine.pipelines.planning.macros.macro_subsequences import (
+    MAX_FAILED_TRIALS,
+    SUBSEQUENCE_SIGNATURE,
+    Subsequences,
+    pattern_of,
+)
+from cellwright.engine.stages.macros.learning.plan_subsequences import matches_pattern
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.planning.macro_utility import measure_utility
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.kb.model.domain_model import Domain, Operator
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library, document, macrop_of
-from cellwright.kb.store.utilities import RARELY, Utility
+from cellwright.kb.store.usage_counts import RARELY, Utility
 
 DOMAIN = """
 (define (domain parcels) (:requirements :strips)
@@ -49,7 +54,7 @@ def parcels(folder: Path, moves: str, name: str = "day") -> Problem:
     )
     (folder / "domain.pddl").write_text(DOMAIN)
     (folder / f"{name}.pddl").write_text(text)
-    return read_pddl(folder / "domain.pddl", folder / f"{name}.pddl").problem
+    return read_pddl_task(folder / "domain.pddl", folder / f"{name}.pddl").problem
 
 
 @pytest.fixture
@@ -58,14 +63,14 @@ def library(tmp_path: Path) -> Library:
 
 
 def taught(library: Library, problem: Problem) -> Subsequences:
-    with Practice(library) as practice:
+    with LibraryPlanner(library) as practice:
         practice.plan(problem)
         return practice.subsequences(problem.domain)
 
 
 def test_what_recurs_and_pays_is_kept_with_its_figures(library: Library, tmp_path: Path) -> None:
     known = taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
-    kept = library.serving("parcels", SIGNATURE)
+    kept = library.serving("parcels", SUBSEQUENCE_SIGNATURE)
     figures = library.utilities("parcels")
     assert kept
     for each in kept:
@@ -86,9 +91,9 @@ def test_a_kept_subsequence_serves_another_task_and_is_counted(library: Library,
     assert searches
     for search in searches:
         known = Subsequences(library, problem.domain)
-        outcome, _ = planning.planned(problem, Limits(strategy=search), known.offered())
+        outcome, _ = checked_plan.plan_and_ground(problem, SearchLimits(strategy=search), known.offered())
         assert isinstance(outcome, Found)
-        assert validate(problem, outcome.plan) == []
+        assert validate_plan(problem, outcome.plan) == []
         offer = outcome.statistics.offer
         assert offer.search in ("", search)
         before = library.utilities()
@@ -102,16 +107,16 @@ def test_a_kept_subsequence_serves_another_task_and_is_counted(library: Library,
 
 def test_trials_repeat_and_count_the_work_without_once(tmp_path: Path, library: Library) -> None:
     problem = parcels(tmp_path, "ab bc cd da")
-    _, task = planning.planned(problem)
+    _, task = checked_plan.plan_and_ground(problem)
     known = taught(library, problem)
-    patterns = [pattern_of(each.macrop) for each in library.serving("parcels", SIGNATURE)]
+    patterns = [pattern_of(each.macrop) for each in library.serving("parcels", SUBSEQUENCE_SIGNATURE)]
     assert patterns
     for search in ("backward", "forward"):
-        first = measured(task, search, patterns)
-        assert first == measured(task, search, patterns)
+        first = measure_utility(task, search, patterns)
+        assert first == measure_utility(task, search, patterns)
         assert set(first) == set(patterns)
         assert all(trial.beside <= 2 * trial.without for trial in first.values())
-        assert measured(task, search, patterns, lambda: True) == {}
+        assert measure_utility(task, search, patterns, lambda: True) == {}
     assert known.domain is problem.domain
 
 
@@ -142,14 +147,16 @@ def test_what_pays_nowhere_is_dropped_and_what_is_offered_in_vain_is_offered_no_
 ) -> None:
     problem = parcels(tmp_path, "ab bc cd da ac bd")
     known = taught(library, problem)
-    kept = library.serving("parcels", SIGNATURE)
+    kept = library.serving("parcels", SUBSEQUENCE_SIGNATURE)
     vain = {(each.id, search): Utility(offered=RARELY) for each in kept for search in ("backward", "forward")}
     library.note_utilities(vain)
     assert Subsequences(library, problem.domain).offered() == type(known.offered())()
-    loss = {key: Utility(trials=FAILED, without=1, beside=10**9) for key in vain}
+    loss = {key: Utility(trials=MAX_FAILED_TRIALS, without=1, beside=10**9) for key in vain}
     library.note_utilities(loss)
     taught(library, parcels(tmp_path, "ba cb dc ad", "more"))
-    assert not {each.id for each in kept} & {each.id for each in library.serving("parcels", SIGNATURE)}
+    assert not {each.id for each in kept} & {
+        each.id for each in library.serving("parcels", SUBSEQUENCE_SIGNATURE)
+    }
 
 
 def test_they_are_exported_and_imported_as_what_they_are_and_never_looked_up(
@@ -160,9 +167,9 @@ def test_they_are_exported_and_imported_as_what_they_are_and_never_looked_up(
     copies = [macrop_of(document(each.macrop)) for each in library.all() if each.macrop.subsequence]
     assert copies
     with Library(str(tmp_path / "other.db")) as other:
-        other.add(records(copies))
-        assert [each.macrop for each in other.serving("parcels", SIGNATURE)] == copies
-        with Practice(other) as practice:
+        other.add(macro_records(copies))
+        assert [each.macrop for each in other.serving("parcels", SUBSEQUENCE_SIGNATURE)] == copies
+        with LibraryPlanner(other) as practice:
             repertoire = practice.repertoire(problem.domain)
             repertoire.load()
             assert len(repertoire) == 0
@@ -171,18 +178,18 @@ def test_they_are_exported_and_imported_as_what_they_are_and_never_looked_up(
 @pytest.mark.slow
 def test_a_library_that_is_only_used_is_left_as_it_is(library: Library, tmp_path: Path) -> None:
     taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
-    before = (library.utilities(), library.serving("parcels", SIGNATURE))
-    with Practice(library, Limits(strategy="forward"), learns=False) as practice:
+    before = (library.utilities(), library.serving("parcels", SUBSEQUENCE_SIGNATURE))
+    with LibraryPlanner(library, SearchLimits(strategy="forward"), learns=False) as practice:
         answered = practice.plan(parcels(tmp_path, "ba cb dc ad ca", "other"))
     assert isinstance(answered.outcome, Found)
-    assert (library.utilities(), library.serving("parcels", SIGNATURE)) == before
+    assert (library.utilities(), library.serving("parcels", SUBSEQUENCE_SIGNATURE)) == before
 
 
 def test_what_no_search_was_offered_is_not_counted(library: Library, tmp_path: Path) -> None:
     known = taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
     before = library.utilities()
     known.note(Statistics())
-    known.note(Statistics(offer=Offer("forward", (), ())))
+    known.note(Statistics(offer=MacroOffer("forward", (), ())))
     assert library.utilities() == before
 
 
@@ -192,17 +199,19 @@ def test_a_folded_plan_has_every_step_once_and_shows_the_macrops_in_it(
 ) -> None:
     problem = parcels(tmp_path, "ab bc cd da ac bd")
     known = taught(library, problem)
-    outcome = planning.plan(problem)
+    outcome = checked_plan.plan_problem(problem)
     assert isinstance(outcome, Found)
     parts = known.folded(outcome.plan)
     assert sorted(step for part in parts for step in part.steps) == [step.id for step in outcome.plan.steps]
     steps = {step.id: step.operator for step in outcome.plan.steps}
-    patterns = {each.id: pattern_of(each.macrop) for each in library.serving("parcels", SIGNATURE)}
+    patterns = {
+        each.id: pattern_of(each.macrop) for each in library.serving("parcels", SUBSEQUENCE_SIGNATURE)
+    }
     inner = [part for part in parts if part.macrop is not None]
     assert inner
     for part in inner:
         assert part.macrop is not None
-        assert fits(patterns[part.macrop], [steps[each] for each in part.steps])
+        assert matches_pattern(patterns[part.macrop], [steps[each] for each in part.steps])
 
 
 def test_commands_tell_what_searches_had_of_subsequences(library: Library, tmp_path: Path) -> None:
@@ -211,7 +220,7 @@ def test_commands_tell_what_searches_had_of_subsequences(library: Library, tmp_p
         CliRunner().invoke(app, ["macros", verb, "--store", library.target, "--format", "json"])
         for verb in ("list", "stats")
     )
-    kept = {each.id for each in library.serving("parcels", SIGNATURE)}
+    kept = {each.id for each in library.serving("parcels", SUBSEQUENCE_SIGNATURE)}
     figures = library.utilities()
     for entry in json.loads(listed.stdout)["data"]["macrops"]:
         assert ("in_search" in entry) == (entry["number"] in kept)

@@ -9,19 +9,19 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines.gate import PlanGate
-from cellwright.engine.pipelines.reuse import Answered, Practice
-from cellwright.engine.stages.macros.lifted.situation import Situation
-from cellwright.engine.stages.macros.lookup import lookup
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.pipelines.planning.macros import LibraryAnswer, LibraryPlanner
+from cellwright.engine.pipelines.planning.plan_gate import PlanGate
+from cellwright.engine.stages.lifted.cell_domain import Situation
+from cellwright.engine.stages.macros.lookup import macro_lookup
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load, with_goals
-from cellwright.kb.model.conditions import TRUE
-from cellwright.kb.model.plan import Plan
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.conditions import ALWAYS_TRUE
+from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library
-from cellwright.kb.terms import Function, Number, ordered
+from cellwright.kb.terms import Function, Number, sort_naturally
 from tests.places import BUNDLED as DOMAINS
 
 POINTS = """
@@ -67,21 +67,21 @@ def points(tmp_path_factory: pytest.TempPathFactory) -> Problem:
 def probes() -> Problem:
     problem = load(DOMAINS / "themse" / "problems" / "four.yaml").problem
     assert problem is not None
-    return dataclasses.replace(problem, goal=TRUE, chains=())
+    return dataclasses.replace(problem, goal=ALWAYS_TRUE, chains=())
 
 
 def asked(problem: Problem, goals: str) -> Problem:
     return with_goals(problem.domain, goals, problem)
 
 
-def plan_of(answered: Answered) -> Found:
+def plan_of(answered: LibraryAnswer) -> Found:
     assert isinstance(answered.outcome, Found)
     return answered.outcome
 
 
-def assert_valid(problem: Problem, here: Situation, answered: Answered) -> None:
-    before = problem.replace(ordered(here.facts))
-    assert validate(before, plan_of(answered).plan) == []
+def assert_valid(problem: Problem, here: Situation, answered: LibraryAnswer) -> None:
+    before = problem.replace(sort_naturally(here.facts))
+    assert validate_plan(before, plan_of(answered).plan) == []
 
 
 def work_through(problem: Problem, goals: list[str], folder: Path) -> list[str]:
@@ -89,7 +89,7 @@ def work_through(problem: Problem, goals: list[str], folder: Path) -> list[str]:
     file = folder / "library.db"
     file.unlink(missing_ok=True)
     origins = []
-    with Library(str(file)) as library, Practice(library, Limits(expansions=20_000)) as practice:
+    with Library(str(file)) as library, LibraryPlanner(library, SearchLimits(expansions=20_000)) as practice:
         here = practice.situation(problem)
         for goal in goals:
             wanted = asked(problem, goal)
@@ -129,10 +129,10 @@ def test_a_goal_that_holds_needs_no_plan(points: Problem, tmp_path: Path) -> Non
 
 def test_another_process_serves_what_one_has_learned(points: Problem, tmp_path: Path) -> None:
     target = str(tmp_path / "library.db")
-    with Library(target) as one, Library(target) as other, Practice(other) as reader:
+    with Library(target) as one, Library(target) as other, LibraryPlanner(other) as reader:
         first = asked(points, "measured(_, _, meas(m2))")
         assert reader.plan(asked(points, "at(t3_746, approach_point(meas(m2)))")).origin == "planner"
-        with Practice(one) as writer:
+        with LibraryPlanner(one) as writer:
             learned = writer.plan(first)
         found = reader.plan(first)
         assert (learned.origin, found.origin, found.macrop) == ("planner", "library", learned.macrop)
@@ -146,7 +146,7 @@ def test_what_was_read_ahead_is_looked_up_without_asking_the_library(
     target = str(tmp_path / "library.db")
     goals = [f"measured(_, _, meas(m{n}))" for n in (2, 3)]
     assert work_through(points, goals, tmp_path) == ["planner", "library"]
-    with Library(target) as library, Practice(library) as practice:
+    with Library(target) as library, LibraryPlanner(library) as practice:
         repertoire = practice.repertoire(points.domain)
         repertoire.load()
         assert repertoire.read_ahead(most=0) == 0
@@ -159,7 +159,7 @@ def test_what_was_read_ahead_is_looked_up_without_asking_the_library(
 
 def test_what_is_infeasible_is_not_learned(points: Problem, tmp_path: Path) -> None:
     heavy = dataclasses.replace(points, statics=tuple(s for s in points.statics if s.name != "needs"))
-    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+    with Library(str(tmp_path / "library.db")) as library, LibraryPlanner(library) as practice:
         answered = practice.plan(asked(heavy, "measured(_, _, meas(m4))"))
         assert not isinstance(answered.outcome, Found)
         assert library.all() == []
@@ -169,13 +169,13 @@ def test_what_lookup_finds_and_the_checker_refuses_is_planned(
     points: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever goes wrong inside lookup, a plan that is none does not leave by the library."""
-    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+    with Library(str(tmp_path / "library.db")) as library, LibraryPlanner(library) as practice:
         assert practice.plan(asked(points, "measured(_, _, meas(m2))")).origin == "planner"
-        monkeypatch.setattr(lookup, "instantiate", broken(lookup.instantiate))
-        monkeypatch.setattr(lookup, "check", lambda _plan, query: query.situation)
+        monkeypatch.setattr(macro_lookup, "instantiate_macro", broken(macro_lookup.instantiate_macro))
+        monkeypatch.setattr(macro_lookup, "check_instance", lambda _plan, query: query.situation)
         again = practice.plan(asked(points, "measured(_, _, meas(m3))"))
         assert again.origin == "planner"
-        assert validate(asked(points, "measured(_, _, meas(m3))"), plan_of(again).plan) == []
+        assert validate_plan(asked(points, "measured(_, _, meas(m3))"), plan_of(again).plan) == []
 
 
 def broken(made: Callable[..., Plan]) -> Callable[..., Plan]:
@@ -193,7 +193,7 @@ def test_what_the_library_gives_passes_the_checker(
     monkeypatch.setattr(
         PlanGate, "findings", lambda self, *given: (passed.append(given[1]), checked(self, *given))[1]
     )
-    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+    with Library(str(tmp_path / "library.db")) as library, LibraryPlanner(library) as practice:
         practice.plan(asked(points, "measured(_, _, meas(m2))"))
         again = practice.plan(asked(points, "measured(_, _, meas(m3))"))
         assert again.origin == "library"
@@ -204,7 +204,7 @@ def test_what_no_plan_is_made_for_is_not_looked_up_either(probes: Problem, tmp_p
     wanted = asked(probes, "at(probe_1, mars_gripper)")
     crowded = dataclasses.replace(wanted, statics=(*wanted.statics, *_both_at_home()))
     both = tuple(atom for each in ("open", "closed") for atom in _position(each))
-    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+    with Library(str(tmp_path / "library.db")) as library, LibraryPlanner(library) as practice:
         assert practice.plan(wanted).origin == "planner"
         with pytest.raises(InvalidInput, match="K204"):
             practice.plan(crowded)

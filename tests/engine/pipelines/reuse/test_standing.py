@@ -9,18 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.pipelines.objective import Order
-from cellwright.engine.pipelines.recall import planned
-from cellwright.engine.pipelines.reuse import standing as module
-from cellwright.engine.pipelines.reuse.standing import close_standing, standing
-from cellwright.engine.stages.macros.lifted import world
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.validation import semantics
+from cellwright.engine.pipelines.planning.library_plans import plan_with_library
+from cellwright.engine.pipelines.planning.macros import library_planner as module
+from cellwright.engine.pipelines.planning.macros.library_planner import close_libraries, open_planner
+from cellwright.engine.pipelines.planning.plan_objective import SequenceChoice
+from cellwright.engine.stages.lifted import cell_domain
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.validation import operator_semantics
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load, with_goals
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library, Record
-from cellwright.kb.store.opening import begin_anew, opened_so_far
+from cellwright.kb.store.database import begin_anew, opened_so_far
 from cellwright.kb.terms import Function
 from tests.engine.pipelines.reuse.test_practice import POINTS
 
@@ -29,9 +29,9 @@ GOAL = "measured(_, _, meas(m2))"
 
 @pytest.fixture(autouse=True)
 def closed() -> Iterator[None]:
-    close_standing()
+    close_libraries()
     yield
-    close_standing()
+    close_libraries()
 
 
 @pytest.fixture(scope="module")
@@ -53,12 +53,12 @@ def read(file: Path) -> Problem:
 
 
 def origin(problem: Problem, store: str) -> str:
-    with standing(store, problem.domain, Limits()) as practice:
+    with open_planner(store, problem.domain, SearchLimits()) as practice:
         return practice.plan(problem).origin
 
 
 def kept() -> int:
-    return len(module._KEPT.standing)
+    return len(module._OPEN.standing)
 
 
 def test_a_library_stays_open_from_the_second_problem_on(problem: Problem, tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_what_is_removed_during_a_turn_is_missed_by_the_next(problem: Problem, t
     store = str(tmp_path / "library.db")
     for _ in range(2):
         origin(problem, store)
-    with standing(store, problem.domain, Limits()) as practice, Library(store) as other:
+    with open_planner(store, problem.domain, SearchLimits()) as practice, Library(store) as other:
         practice.plan(problem)
         other.forget([each.id for each in other.all()])
     assert origin(problem, store) == "planner"
@@ -134,7 +134,7 @@ def test_the_facts_of_a_cell_are_evaluated_once(
     store = str(tmp_path / "library.db")
     for _ in range(2):
         origin(problem, store)
-    for each in (world, semantics):
+    for each in (cell_domain, operator_semantics):
         monkeypatch.delattr(each, "evaluated")
     other = with_goals(problem.domain, "measured(_, _, meas(m3))", problem)
     assert [origin(each, store) for each in (problem, other)] == ["library"] * 2
@@ -147,7 +147,7 @@ def test_another_version_of_the_file_of_the_cell_is_evaluated_anew(
     for size in (1, 1, 1, 2):
         monkeypatch.setattr(module, "version_of_cell", lambda _, size=size: (tmp_path / "cell.yaml", 0, size))
         origin(problem, store)
-        seen += [each.cells for each in module._KEPT.standing]
+        seen += [each.cells for each in module._OPEN.standing]
     assert seen[0] is seen[1]
     assert seen[2] is not seen[1]
 
@@ -174,7 +174,7 @@ def test_a_number_that_another_macrop_got_is_not_taken_for_the_first(
         other.forget([first.id])
         record = Record(replace(first.macrop, name=Function("another")), first.signature, 1.0, ())
         assert other.add([record]) == [first.id]
-    assert module._taken(store, problem.domain) is None
+    assert module._take_open(store, problem.domain) is None
 
 
 def test_another_file_of_the_same_name_is_another_library(problem: Problem, tmp_path: Path) -> None:
@@ -192,7 +192,7 @@ def test_after_an_error_the_library_is_opened_anew(problem: Problem, tmp_path: P
     store = str(tmp_path / "library.db")
     for _ in range(2):
         origin(problem, store)
-    with pytest.raises(InvalidInput), standing(store, problem.domain, Limits()):
+    with pytest.raises(InvalidInput), open_planner(store, problem.domain, SearchLimits()):
         raise InvalidInput([])
     assert kept() == 0
     assert (origin(problem, store), kept()) == ("library", 1)
@@ -204,29 +204,29 @@ def test_a_macrop_that_cannot_be_read_spoils_no_answer_to_another_problem(
     store = str(tmp_path / "library.db")
     other = with_goals(problem.domain, "measured(_, _, meas(m3)), measured(_, _, meas(m2))", problem)
     assert [origin(each, store) for each in (problem, other)] == ["planner", "planner"]
-    close_standing()
+    close_libraries()
     with sqlite3.connect(store) as raw:
         raw.execute("UPDATE macrops SET document = '?' WHERE id = (SELECT max(id) FROM macrops)")
     assert [(origin(problem, store), kept()) for _ in range(3)] == [("library", 0)] * 3
 
 
 def test_few_libraries_stay_open(problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST", 2)
+    monkeypatch.setattr(module, "MAX_OPEN_LIBRARIES", 2)
     for name in ("a", "b", "c"):
         for _ in range(2):
-            with standing(str(tmp_path / name), problem.domain, Limits()):
+            with open_planner(str(tmp_path / name), problem.domain, SearchLimits()):
                 pass
-    assert [each.store for each in module._KEPT.standing] == [str(tmp_path / "b"), str(tmp_path / "c")]
+    assert [each.store for each in module._OPEN.standing] == [str(tmp_path / "b"), str(tmp_path / "c")]
 
 
 def test_a_large_library_and_one_that_is_much_read_do_not_stay(
     problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = str(tmp_path / "library.db")
-    monkeypatch.setattr(module, "LARGEST", 0)
+    monkeypatch.setattr(module, "MAX_OUTLINES", 0)
     assert [(origin(problem, store), kept()) for _ in range(2)] == [("planner", 0), ("library", 0)]
-    monkeypatch.setattr(module, "LARGEST", 1)
-    monkeypatch.setattr(module, "AHEAD", 0)
+    monkeypatch.setattr(module, "MAX_OUTLINES", 1)
+    monkeypatch.setattr(module, "MAX_READ_AHEAD", 0)
     assert [(origin(problem, store), kept()) for _ in range(2)] == [("library", 1), ("library", 0)]
 
 
@@ -256,7 +256,8 @@ def test_a_library_that_stays_open_counts_as_opened_by_the_next_command(
 def test_a_program_that_plans_again_is_answered_as_a_command_is(problem: Problem, tmp_path: Path) -> None:
     store = str(tmp_path / "library.db")
     answers = [
-        planned(problem, Limits(), None, Order.FREE, store, False, stays) for stays in (True,) * 3 + (False,)
+        plan_with_library(problem, SearchLimits(), None, SequenceChoice.FREE, store, False, stays)
+        for stays in (True,) * 3 + (False,)
     ]
     assert [source["source"]["origin"] for _, source in answers] == ["planner", *["library"] * 3]
     assert answers[2][0].outcome.plan == answers[3][0].outcome.plan  # type: ignore[union-attr]

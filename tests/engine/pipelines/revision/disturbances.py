@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cellwright.engine.model.task import progress
-from cellwright.engine.pipelines.revision import Course
-from cellwright.engine.pipelines.revision.observing import expected
-from cellwright.engine.pipelines.revision.remaining import stages_reached
-from cellwright.engine.stages.macros.lifted.execution import changes_of
+from cellwright.engine.model.ground_task import progress_state
+from cellwright.engine.pipelines.recovery.observations import expected_situation
+from cellwright.engine.pipelines.recovery.plan_revision import PlanUnderWay
+from cellwright.engine.pipelines.recovery.remaining_problem import stages_reached
+from cellwright.engine.stages.lifted.lifted_execution import changes_of
 from cellwright.kb.loader.plan import load_plan
-from cellwright.kb.model.plan import StepId
+from cellwright.kb.model.plan_model import StepId
 from cellwright.kb.terms import Atom
 from tests.places import BUNDLED as DOMAINS
 
@@ -24,8 +24,8 @@ PLANS = sorted(
 
 
 @cache
-def course(path: Path) -> Course:
-    return Course.of(*load_plan(path))
+def course(path: Path) -> PlanUnderWay:
+    return PlanUnderWay.of(*load_plan(path))
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Moment:
     observed: tuple[Atom, ...]
 
 
-def moment(course: Course, cut: int, acts: int, losses: int, draw: random.Random) -> Moment:
+def moment(course: PlanUnderWay, cut: int, acts: int, losses: int, draw: random.Random) -> Moment:
     """After the first `cut` steps somebody takes a few steps of their own, and a few facts get lost."""
     steps = course.plan.steps[:cut]
     done = tuple(step.id for step in steps)
     reached = stages_reached(course.problem.chains, course.start, changes_of(course.start, steps))
-    state = course.bits(expected(course, done).facts, reached)
+    state = course.bits(expected_situation(course, done).facts, reached)
     for _ in range(acts):
         possible = [
             each
@@ -49,7 +49,7 @@ def moment(course: Course, cut: int, acts: int, losses: int, draw: random.Random
             if not each.preconditions & ~state and not _is_stage(course.named(each.adds | each.deletes))
         ]
         if possible:
-            state = progress(state, draw.choice(possible))
+            state = progress_state(state, draw.choice(possible))
     facts = [atom for atom in course.named(state) if atom.name != "not" and not atom.name.startswith("_")]
     for _ in range(min(losses, len(facts))):
         facts.pop(draw.randrange(len(facts)))

@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, assume, event, example, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.revision import PlanRevision, revise
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.recovery.plan_revision import PlanRevision, revise_plan
 from cellwright.kb.diagnostics import InvalidInput
 from tests.engine.pipelines.revision.disturbances import PLANS, course, moment
 from tests.properties.detours import needless
@@ -43,7 +43,7 @@ def revised(path: Path, cut: float, acts: int, seed: int) -> PlanRevision:
     own = course(path)
     now = moment(own, round(cut * len(own.plan.steps)), acts, 0, random.Random(seed))
     try:
-        return revise(own, now.done, now.observed)
+        return revise_plan(own, now.done, now.observed)
     except InvalidInput:
         assume(False)
         raise
@@ -58,7 +58,7 @@ def test_a_repair_over_a_gap_costs_no_more_than_a_new_plan(
     made = revised(path, cut, acts, seed)
     event(made.way)
     if made.way == "repaired" and isinstance(made.outcome, Found):
-        anew = planning.plan(made.problem)
+        anew = checked_plan.plan_problem(made.problem)
         assert isinstance(anew, Found)
         assert made.outcome.plan.cost <= anew.plan.cost
 

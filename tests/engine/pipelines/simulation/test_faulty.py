@@ -4,12 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.pipelines.simulation.dynamics import Dynamics, WorldState
-from cellwright.engine.pipelines.simulation.faulty import FaultyCell, history
+from cellwright.engine.pipelines.recovery.world_model import Dynamics, FaultyCell, WorldState, plan_history
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.plan import Plan, Step, StepId
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.plan_model import Plan, Step, StepId
 from cellwright.kb.terms import Function, Variable
 
 DOMAIN = """domain: bench
@@ -68,7 +67,7 @@ def cell(tmp_path: Path) -> tuple[FaultyCell, WorldState]:
     model, _ = load_faults(tmp_path / "domain.yaml")
     dynamics = Dynamics(loaded.problem)
     plan = Plan(tuple(Step(StepId(n), step(text)) for n, text in enumerate(DONE, 1)))
-    state, achieved = history(dynamics, plan, [each.id for each in plan.steps])
+    state, achieved = plan_history(dynamics, plan, [each.id for each in plan.steps])
     binding = {Variable("Item"): step("c")}
     return FaultyCell(dynamics, model, "odd", binding, step("measure(c)"), achieved), state
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import pytest
 
-from cellwright.engine.model.execution import Command, CommandKind, Fate, Message
-from cellwright.engine.pipelines.simulator import driver
-from cellwright.engine.pipelines.simulator.driver import Simulator
-from cellwright.engine.pipelines.simulator.settings import Settings
+from cellwright.engine.model.run_protocol import CommandKind, DriverCommand, Fate, Message
+from cellwright.engine.pipelines.simulators import virtual_clock
+from cellwright.engine.pipelines.simulators.simulator_settings import SimulatorSettings
+from cellwright.engine.pipelines.simulators.virtual_clock import Simulator
 
 KEPT = 10
 
@@ -31,15 +31,15 @@ class Counting:
 
 @pytest.fixture
 def cell(monkeypatch: pytest.MonkeyPatch) -> Counting:
-    monkeypatch.setattr(driver, "REMEMBERED", KEPT)
+    monkeypatch.setattr(virtual_clock, "MAX_REMEMBERED_COMMANDS", KEPT)
     return Counting()
 
 
-def step(number: int, stream: str = "arm") -> Command:
-    return Command(number, CommandKind.STEP, stream, f"step({number})", lasts_ms=10)
+def step(number: int, stream: str = "arm") -> DriverCommand:
+    return DriverCommand(number, CommandKind.STEP, stream, f"step({number})", lasts_ms=10)
 
 
-def carried_out(made: Simulator, commands: Sequence[Command]) -> list[Message]:
+def carried_out(made: Simulator, commands: Sequence[DriverCommand]) -> list[Message]:
     came = []
     for each in commands:
         made.send([each])
@@ -58,9 +58,9 @@ def test_only_the_last_commands_are_remembered_and_none_is_repeated(cell: Counti
 
 
 def test_a_wait_that_stands_in_a_queue_is_not_forgotten(cell: Counting) -> None:
-    made = Simulator(cell, Settings(lookahead=4))
-    made.send([Command(1, CommandKind.WAIT, "oven", "wait"), step(2, "oven")])
+    made = Simulator(cell, SimulatorSettings(lookahead=4))
+    made.send([DriverCommand(1, CommandKind.WAIT, "oven", "wait"), step(2, "oven")])
     carried_out(made, [step(number) for number in range(3, 60)])
     assert "step(2)" not in cell.taken
-    carried_out(made, [Command(60, CommandKind.CONTINUE, "oven", "continue", about=1)])
+    carried_out(made, [DriverCommand(60, CommandKind.CONTINUE, "oven", "continue", about=1)])
     assert "step(2)" in cell.taken

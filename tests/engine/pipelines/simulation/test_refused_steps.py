@@ -1,7 +1,7 @@
 """Steps that cannot be taken: what is said of them."""
 
-from cellwright.engine.pipelines.planning import problem_of
-from cellwright.engine.pipelines.simulation import Dynamics
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
+from cellwright.engine.pipelines.recovery import Dynamics
 from cellwright.kb.terms import Function
 
 

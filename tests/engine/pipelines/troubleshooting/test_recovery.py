@@ -7,19 +7,19 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.model.cases import Revision
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import objective, planning
-from cellwright.engine.pipelines.inspection.progress import News
-from cellwright.engine.pipelines.parts.keeping import carry_on, told_of_losses
-from cellwright.engine.pipelines.troubleshooting import after, recover
-from cellwright.engine.pipelines.troubleshooting.recovery import rest_of
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.model.troubleshooting import Revision
+from cellwright.engine.pipelines.inspection.tour_progress import SequenceNews
+from cellwright.engine.pipelines.planning import checked_plan, plan_objective
+from cellwright.engine.pipelines.planning.decomposition.kept_sequences import carry_on, told_of_losses
+from cellwright.engine.pipelines.recovery.diagnosis_case import recover_goals, state_after
+from cellwright.engine.pipelines.recovery.remaining_problem import rest_after_steps
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load
 from cellwright.kb.loader.plan import load_plan
-from cellwright.kb.model.plan import Plan
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
 POINTS = (
@@ -53,8 +53,8 @@ def planned(plate: Path) -> tuple[Problem, Plan]:
 @pytest.fixture(scope="module")
 def probes() -> tuple[Problem, Plan]:
     """A problem with a workflow."""
-    problem = planning.problem_of("themse/one")
-    found = planning.plan(problem)
+    problem = checked_plan.problem_of("themse/one")
+    found = checked_plan.plan_problem(problem)
     assert isinstance(found, Found)
     return problem, found.plan
 
@@ -66,21 +66,21 @@ def test_where_nothing_changed_the_plan_that_failed_goes_on_as_it_was(
 ) -> None:
     problem, plan = request.getfixturevalue(kind)
     done = [step.id for step in plan.steps[: int(share * len(plan.steps))]]
-    now, left = rest_of(problem, plan, done)
-    found = recover(now, Revision(), left=left)
+    now, left = rest_after_steps(problem, plan, done)
+    found = recover_goals(now, Revision(), left=left)
     assert found.way == "continued"
     assert isinstance(found.outcome, Found)
     assert not found.added
     assert not found.dropped
-    assert not planning.check_plan(found.problem, found.outcome.plan)
+    assert not checked_plan.check_plan(found.problem, found.outcome.plan)
 
 
 def test_what_is_left_begins_in_the_state_that_the_steps_done_lead_to(planned: tuple[Problem, Plan]) -> None:
     problem, plan = planned
     for count in range(len(plan.steps) + 1):
-        now, left = rest_of(problem, plan, [step.id for step in plan.steps[:count]])
+        now, left = rest_after_steps(problem, plan, [step.id for step in plan.steps[:count]])
         start = frozenset(Semantics(problem).initial())
-        assert frozenset(now.initial) == after(problem, start, Plan(plan.steps[:count]))
+        assert frozenset(now.initial) == state_after(problem, start, Plan(plan.steps[:count]))
         assert [step.operator for step in left.steps] == [step.operator for step in plan.steps[count:]]
 
 
@@ -89,17 +89,17 @@ def test_a_plan_whose_ground_is_gone_is_repaired_with_most_of_its_steps(
 ) -> None:
     problem, plan = planned
     first = next(n for n, step in enumerate(plan.steps) if step.operator.name == "us_measure")
-    now, left = rest_of(problem, plan, [step.id for step in plan.steps[:first]])
+    now, left = rest_after_steps(problem, plan, [step.id for step in plan.steps[:first]])
     point = plan.steps[first].operator.arguments[-1]
     dry = ground_term(f"couplant_applied(goal_point(meas({point})))")
     assert isinstance(dry, Function)
-    found = recover(now, Revision(withdrawn=((dry, "it is dry"),)), left=left)
+    found = recover_goals(now, Revision(withdrawn=((dry, "it is dry"),)), left=left)
     assert found.way == "repaired"
     assert isinstance(found.outcome, Found)
     assert "apply_couplant" in [step.operator.name for step in found.added]
     assert len(found.kept) > len(found.dropped)
-    assert not planning.check_plan(found.problem, found.outcome.plan)
-    anew = recover(now, Revision(withdrawn=((dry, "it is dry"),)))
+    assert not checked_plan.check_plan(found.problem, found.outcome.plan)
+    anew = recover_goals(now, Revision(withdrawn=((dry, "it is dry"),)))
     assert anew.way == "planned"
     assert isinstance(anew.outcome, Found)
 
@@ -109,9 +109,9 @@ def test_steps_that_need_what_is_lost_are_not_taken_again(planned: tuple[Problem
     last = max(n for n, step in enumerate(plan.steps) if step.operator.name.endswith("measure"))
     needed = str(plan.steps[last].operator.arguments[0])
     (spare,) = {"us_probe", "slra"} - {needed}
-    now, left = rest_of(problem, plan, [step.id for step in plan.steps[:last]])
-    assert isinstance(recover(now, Revision(lost=(needed,)), left=left).outcome, Infeasible)
-    found = recover(now, Revision(lost=(spare,)), left=left)
+    now, left = rest_after_steps(problem, plan, [step.id for step in plan.steps[:last]])
+    assert isinstance(recover_goals(now, Revision(lost=(needed,)), left=left).outcome, Infeasible)
+    found = recover_goals(now, Revision(lost=(spare,)), left=left)
     assert isinstance(found.outcome, Found)
     assert found.way == "continued"
     assert [step.operator for step in found.kept] == [step.operator for step in left.steps]
@@ -150,7 +150,7 @@ def test_without_a_kept_sequence_nobody_is_told(plate: Path, tmp_path: Path) -> 
     assert problem is not None
     store = str(tmp_path / "s.db")
     assert told_of_losses(store, problem, ["us_probe"]) is None
-    carry_on(store, problem, News())
+    carry_on(store, problem, SequenceNews())
     told = told_of_losses(store, problem, ["us_probe", "patience"])
     assert told is not None
     assert told.plan.lost == ("us_probe",)
@@ -177,15 +177,15 @@ def test_a_plan_for_another_problem_and_steps_that_are_not_in_it_are_refused(
 
 @pytest.mark.slow
 def test_measurements_that_are_open_again_are_made_in_the_order_of_the_sequencer() -> None:
-    problem = planning.problem_of("bulkhead/twelve_points")
-    first = objective.plan(problem).outcome
+    problem = checked_plan.problem_of("bulkhead/twelve_points")
+    first = plan_objective.plan_for_objective(problem).outcome
     assert isinstance(first, Found)
     half = [step.id for step in first.plan.steps[: len(first.plan.steps) // 2]]
-    now, left = rest_of(problem, first.plan, half)
+    now, left = rest_after_steps(problem, first.plan, half)
     doubted = tuple((each, "the part has moved") for each in now.initial if each.name == "measured")
     assert len(doubted) > 1
-    found = recover(now, Revision(withdrawn=doubted), left=left)
-    anew = objective.plan(found.problem).outcome
+    found = recover_goals(now, Revision(withdrawn=doubted), left=left)
+    anew = plan_objective.plan_for_objective(found.problem).outcome
     assert isinstance(found.outcome, Found)
     assert isinstance(anew, Found)
     assert found.way == "replanned"

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.model.cases import Hypothesis, Revision
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.troubleshooting import Preparations, after, recover
-from cellwright.engine.stages.diagnosis.revision import binding_of, revision
-from cellwright.engine.stages.diagnosis.session import QUESTION, Session, run
-from cellwright.engine.stages.diagnosis.world import HiddenWorld
+from cellwright.engine.model.troubleshooting import CaseHypothesis, Revision
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.recovery.diagnosis_case import Preparations, recover_goals, state_after
+from cellwright.engine.stages.diagnosis.belief_revision import binding_of, world_revision
+from cellwright.engine.stages.diagnosis.case_session import QUESTION, CaseSession, run_session
+from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld
 from cellwright.kb.asp import ground_term
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.faults import FaultModel
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.fault_model import FaultModel
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Variable
 
 
@@ -27,7 +27,7 @@ def atom(text: str) -> Atom:
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    return planning.problem_of("bulkhead/one_point")
+    return checked_plan.problem_of("bulkhead/one_point")
 
 
 @pytest.fixture(scope="module")
@@ -81,10 +81,10 @@ def test_situations_keep_their_numbers_when_others_join(preparations: Preparatio
 def test_a_case_without_a_cause_goes_on_where_the_cell_stands(
     preparations: Preparations, model: FaultModel
 ) -> None:
-    session = Session(model, "implausible_value", setup=preparations)
+    session = CaseSession(model, "implausible_value", setup=preparations)
     wrong = {"tool_self_test": "passed", "measure_reference_block": "nothing"}
     usual = {test.name: test.otherwise for test in model.tests.values()} | wrong
-    made = run(session, lambda a, _: None if a.name == QUESTION else usual[a.name])
+    made = run_session(session, lambda a, _: None if a.name == QUESTION else usual[a.name])
     assert math.fsum(p for _, p in made.hypotheses) == pytest.approx(1.0)
     assert all(h.lies for h, _ in made.hypotheses)
     assert len({each.action for each in made.observations}) == len(made.stages)
@@ -94,15 +94,17 @@ def test_a_case_without_a_cause_goes_on_where_the_cell_stands(
 def test_the_planner_reaches_the_goals_from_what_was_found(
     problem: Problem, model: FaultModel, preparations: Preparations, cause: str
 ) -> None:
-    world = HiddenWorld(model, Hypothesis((cause,)))
-    made = run(Session(model, "implausible_value", setup=preparations), lambda a, _: world.respond(a))
-    went_on = recover(problem, revision(model, made, preparations.binding))
+    world = HiddenWorld(model, CaseHypothesis((cause,)))
+    made = run_session(
+        CaseSession(model, "implausible_value", setup=preparations), lambda a, _: world.respond(a)
+    )
+    went_on = recover_goals(problem, world_revision(model, made, preparations.binding))
     assert isinstance(went_on.outcome, Found)
-    assert not planning.check_plan(went_on.problem, went_on.outcome.plan)
+    assert not checked_plan.check_plan(went_on.problem, went_on.outcome.plan)
 
 
 def test_a_lost_resource_is_not_planned_with(problem: Problem) -> None:
-    went_on = recover(problem, Revision(lost=("us_probe",)))
+    went_on = recover_goals(problem, Revision(lost=("us_probe",)))
     assert isinstance(went_on.outcome, Infeasible)  # nothing else measures a thickness
 
 
@@ -110,4 +112,4 @@ def test_the_state_after_a_plan_has_its_goals(problem: Problem, preparations: Pr
     wanted = needs("holding(t3_746, slra)")
     made = preparations.plan_from(preparations.semantics.initial(), preparations.goal(wanted))
     assert made is not None
-    assert set(wanted) <= after(problem, frozenset(problem.initial), made)
+    assert set(wanted) <= state_after(problem, frozenset(problem.initial), made)

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cellwright.engine.faces.cli import app
-from cellwright.engine.formats.report.recovery import given_up_lines
+from cellwright.engine.formats.report.runs.recovery_report import given_up_lines
 
 MEASURE = "us_measure(us_probe, t3_746, m2)"
 PICK = "pick(probe_1, slot(drawer, 1))"

@@ -5,15 +5,14 @@ import random
 import numpy as np
 import pytest
 
-from cellwright.engine.kernels.rigid import transform, turned
-from cellwright.engine.model.verdicts import Feature
-from cellwright.engine.pipelines.verdicts.assessing import assessed
-from cellwright.engine.pipelines.verdicts.lying import Lying, displaced
-from cellwright.engine.pipelines.verdicts.worth import chance_of_decision
+from cellwright.engine.kernels.rigid import rotation_by_vector, transform
+from cellwright.engine.model.verdicts import MeasuredFeature
+from cellwright.engine.pipelines.inspection.feature_verdicts import assess_features
+from cellwright.engine.pipelines.inspection.part_alignment import PartAlignment, displace_problem
+from cellwright.engine.pipelines.inspection.remeasurement_worth import chance_of_decision
 from cellwright.kb.loader import load
-from cellwright.kb.model.conformity import Conformity, conformity
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.model.results import Measured
+from cellwright.kb.model.measured_results import Conformity, Measured, check_conformity
+from cellwright.kb.model.planning_problem import Problem
 from tests.places import BUNDLED
 
 
@@ -45,8 +44,10 @@ def grid(**others: float) -> list[Measured]:
     return [value(f"m{n}", others.get(f"m{n}", chance.gauss(0, 10))) for n in range(36)]
 
 
-def found(problem: Problem, measured: list[Measured], lying: Lying | None = None) -> dict[str, Feature]:
-    return {each.of: each for each in assessed(problem, measured, lying)}
+def found(
+    problem: Problem, measured: list[Measured], lying: PartAlignment | None = None
+) -> dict[str, MeasuredFeature]:
+    return {each.of: each for each in assess_features(problem, measured, lying)}
 
 
 def test_a_single_value_that_neighbours_do_not_explain_is_in_doubt(plate: Problem) -> None:
@@ -89,8 +90,8 @@ def test_without_uncertainties_the_last_value_counts_and_nothing_is_in_doubt(pla
 
 
 def test_surfaces_measured_before_the_part_was_found_are_judged_where_it_lies(plate: Problem) -> None:
-    T = transform(turned(np.array([0.01, -0.02, 0.03])), np.array([0.001, 0.002, -0.004]))
-    lying = Lying(T, 100, np.zeros(3), np.eye(6) * 1e-12)
+    T = transform(rotation_by_vector(np.array([0.01, -0.02, 0.03])), np.array([0.001, 0.002, -0.004]))
+    lying = PartAlignment(T, 100, np.zeros(3), np.eye(6) * 1e-12)
     along = T[:3, :3] @ np.array([0.0, 0.0, 1.0])
     measured = []
     for n in range(36):
@@ -104,14 +105,14 @@ def test_surfaces_measured_before_the_part_was_found_are_judged_where_it_lies(pl
 
 
 def test_what_is_unsure_about_the_place_does_not_become_surer_by_repeating(plate: Problem) -> None:
-    lying = Lying(np.eye(4), 0, np.zeros(3), np.diag([0, 0, 9e-12, 0, 0, 0]))  # 3 um
+    lying = PartAlignment(np.eye(4), 0, np.zeros(3), np.diag([0, 0, 9e-12, 0, 0, 0]))  # 3 um
     feature = found(plate, [value("m0", 0.0, 1) for _ in range(400)], lying)["m0"]
     assert feature.uncertainty == pytest.approx(2 * (9.0 + 100.0 / 400) ** 0.5)
 
 
 def test_a_displaced_problem_has_its_points_where_the_part_lies(plate: Problem) -> None:
-    T = transform(turned(np.array([0.0, 0.0, np.pi / 2])), np.array([0.0, 0.0, 0.01]))
-    facts = set(map(str, displaced(plate, T).statics))
+    T = transform(rotation_by_vector(np.array([0.0, 0.0, np.pi / 2])), np.array([0.0, 0.0, 0.01]))
+    facts = set(map(str, displace_problem(plate, T).statics))
     assert "position(m1,0,100000,10000)" in {each.replace(" ", "") for each in facts}
     assert len(facts) == len(set(map(str, plate.statics)))
 
@@ -122,7 +123,7 @@ def test_the_chance_of_a_decision_is_that_of_many_further_values(at: float) -> N
     for _ in range(draws):
         true = chance.gauss(at, 10.0)
         mean = (at + chance.gauss(true, 10.0)) / 2
-        shown = conformity(mean, -100.0, 100.0, 20.0 / 2**0.5)
+        shown = check_conformity(mean, -100.0, 100.0, 20.0 / 2**0.5)
         decided += shown is not Conformity.UNDECIDED
-    feature = Feature("m", "profile", "um", 0.0, -100.0, 100.0, 5.0, at, 20.0)
+    feature = MeasuredFeature("m", "profile", "um", 0.0, -100.0, 100.0, 5.0, at, 20.0)
     assert chance_of_decision(feature, 20.0) == pytest.approx(decided / draws, abs=0.03)

@@ -7,41 +7,41 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.kernels.rigid import apply, turned
-from cellwright.engine.model.assembly import (
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, rotation_by_vector
+from cellwright.engine.model.manipulation_values import (
     Assembled,
-    Contradiction,
-    Feature,
     FeatureKind,
+    PartFeature,
     Relation,
+    RelationContradiction,
     RelationKind,
 )
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.assembly.relations import assemble
+from cellwright.engine.stages.assembly.part_assembly import assemble_parts
 
 K = RelationKind
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 
 
-def plane(part: str, name: str, normal: str, height: float) -> Feature:
+def plane(part: str, name: str, normal: str, height: float) -> PartFeature:
     """A face of a part, square to an axis, `height` outside the origin."""
     direction = np.array(AXES[normal], dtype=float)
-    return Feature(part, name, FeatureKind.PLANE, direction * height, direction)
+    return PartFeature(part, name, FeatureKind.PLANE, direction * height, direction)
 
 
-def line(part: str, name: str, along: str, point: tuple[float, float, float]) -> Feature:
+def line(part: str, name: str, along: str, point: tuple[float, float, float]) -> PartFeature:
     """An axis of a part."""
-    return Feature(part, name, FeatureKind.LINE, np.array(point), np.array(AXES[along], dtype=float))
+    return PartFeature(part, name, FeatureKind.LINE, np.array(point), np.array(AXES[along], dtype=float))
 
 
-def point(part: str, name: str, at: tuple[float, float, float]) -> Feature:
+def point(part: str, name: str, at: tuple[float, float, float]) -> PartFeature:
     """A vertex of a part."""
-    return Feature(part, name, FeatureKind.POINT, np.array(at), np.zeros(3))
+    return PartFeature(part, name, FeatureKind.POINT, np.array(at), np.zeros(3))
 
 
 def assembled(*relations: Relation, starts: dict[str, Floats] | None = None) -> Assembled:
     """The poses of the parts on part b."""
-    found = assemble(relations, "b", starts)
+    found = assemble_parts(relations, "b", starts)
     assert isinstance(found, Assembled)
     return found
 
@@ -108,8 +108,8 @@ def test_parallel_does_not_follow_from_itself_when_a_sense_matters() -> None:
 
 
 def test_the_smallest_contradiction_is_named() -> None:
-    found = assemble([*BLOCK_IN_CORNER, Relation(K.DISTANCE, BOTTOM, TOP, 0.01)], "b")
-    assert isinstance(found, Contradiction)
+    found = assemble_parts([*BLOCK_IN_CORNER, Relation(K.DISTANCE, BOTTOM, TOP, 0.01)], "b")
+    assert isinstance(found, RelationContradiction)
     assert {str(each) for each in found.relations} == {"a.bottom against b.top", "a.bottom distance b.top"}
 
 
@@ -122,8 +122,8 @@ def test_a_contradiction_may_run_through_several_parts() -> None:
         Relation(K.DISTANCE, lid, TOP, 0.05),
         Relation(K.PARALLEL, plane("c", "side", "x", 0.1), WALL),
     ]
-    found = assemble(relations, "b")
-    assert isinstance(found, Contradiction)
+    found = assemble_parts(relations, "b")
+    assert isinstance(found, RelationContradiction)
     assert set(found.relations) == {relations[0], relations[3], relations[4]}
 
 
@@ -149,14 +149,14 @@ def test_a_touching_distance_has_no_freedom_that_derivatives_alone_would_promise
 
 def test_features_that_do_not_go_together_are_refused() -> None:
     with pytest.raises(ValueError, match="fits does not join a plane and a plane"):
-        assemble([Relation(K.FITS, BOTTOM, TOP)], "b")
+        assemble_parts([Relation(K.FITS, BOTTOM, TOP)], "b")
     with pytest.raises(ValueError, match="both features are on a"):
-        assemble([Relation(K.PARALLEL, BOTTOM, LEFT)], "b")
+        assemble_parts([Relation(K.PARALLEL, BOTTOM, LEFT)], "b")
 
 
 def rotations() -> st.SearchStrategy[Floats]:
     """Rotation matrices of all directions."""
-    return st.tuples(*[st.floats(-3, 3)] * 3).map(lambda v: turned(np.array(v)))
+    return st.tuples(*[st.floats(-3, 3)] * 3).map(lambda v: rotation_by_vector(np.array(v)))
 
 
 @st.composite
@@ -169,10 +169,10 @@ def consistent(draw: st.DrawFn) -> tuple[Floats, list[Relation]]:
     senses = draw(st.lists(st.sampled_from([K.AGAINST, K.COPLANAR]), min_size=3, max_size=3))
     for n, (length, kind) in enumerate(zip(lengths, senses, strict=True)):
         normal = frame[:, n] if n else (frame[:, 0] + frame[:, 1]) / np.sqrt(2)
-        own = Feature("a", f"f{n}", FeatureKind.PLANE, length * normal, normal)
+        own = PartFeature("a", f"f{n}", FeatureKind.PLANE, length * normal, normal)
         outward = T[:3, :3] @ normal
         at = apply(T, own.point[None])[0] + np.cross(outward, (0.1, 0.2, 0.3))
-        other = Feature("b", f"g{n}", FeatureKind.PLANE, at, -outward if kind is K.AGAINST else outward)
+        other = PartFeature("b", f"g{n}", FeatureKind.PLANE, at, -outward if kind is K.AGAINST else outward)
         relations.append(Relation(kind, own, other))
     return T, relations
 
@@ -196,8 +196,8 @@ def test_no_smaller_set_of_a_contradiction_contradicts_itself(
     _, relations = said
     wrong = relations[at]
     extra = [Relation(K.DISTANCE, wrong.first, wrong.second, shift) for shift in shifts]
-    found = assemble([*relations, *extra], "b")
-    assert isinstance(found, Contradiction)
+    found = assemble_parts([*relations, *extra], "b")
+    assert isinstance(found, RelationContradiction)
     for size in range(1, len(found.relations)):
         for fewer in combinations([*relations, *extra], size):
-            assert isinstance(assemble(fewer, "b"), Assembled)
+            assert isinstance(assemble_parts(fewer, "b"), Assembled)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, field_bits
-from cellwright.engine.stages.diagnosis import arrays
+from cellwright.engine.stages.diagnosis import search_arrays
 from tests.engine.stages.diagnosis.cases import certain, each_alone, isolations, names, troubles, uncertain
 
 SOME = settings(max_examples=60, deadline=None)
@@ -31,7 +31,7 @@ def test_fields_of_a_key_lie_within_words_in_their_order_and_waste_no_more_than_
     )
     row = (0,) * len(actions)
     setup = Setup(((0.0,) * len(actions),) * situations, (row,) * situations)
-    made = arrays.beliefs(Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2), setup))
+    made = search_arrays.belief_arrays(Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2), setup))
     free = made.situations
     assert 1 << free >= situations
     for action, shift, width in zip(actions, made.shifts.tolist(), made.widths.tolist(), strict=True):
@@ -49,7 +49,7 @@ def test_fields_of_a_key_lie_within_words_in_their_order_and_waste_no_more_than_
 @given(isolations(6) | troubles())
 @SOME
 def test_an_outcome_is_shown_for_sure_or_not_at_all(problem: Troubleshooting) -> None:
-    made = arrays.beliefs(problem)
+    made = search_arrays.belief_arrays(problem)
     for index, action in enumerate(problem.actions):
         for cause in range(len(problem.causes)):
             shown = int(made.shown[index, cause])
@@ -61,7 +61,7 @@ def test_an_outcome_is_shown_for_sure_or_not_at_all(problem: Troubleshooting) ->
 
 def test_uncertain_actions_show_nothing_and_have_fields() -> None:
     actions = (certain("sure", 1.0, (0, 1)), uncertain("vague", 1.0, (0.3, 1.0)))
-    made = arrays.beliefs(Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2)))
+    made = search_arrays.belief_arrays(Troubleshooting(names(2), (0.5, 0.5), actions, each_alone(2)))
     assert made.shown.tolist() == [[0, 1], [-1, -1]]
     assert made.widths.tolist() == [0, 2]
 
@@ -83,7 +83,7 @@ def test_causes_belong_together_that_some_conclusions_join(drawn: tuple[int, lis
     )
     actions = (certain("all", 1.0, tuple(range(count))),)
     problem = Troubleshooting(names(count), (1.0 / count,) * count, actions, conclusions)
-    group = arrays.belonging(arrays.beliefs(problem).losses).tolist()
+    group = search_arrays._first_of_group(search_arrays.belief_arrays(problem).losses).tolist()
     for a, b in itertools.combinations(range(count), 2):
         assert (group[a] == group[b]) == (b in joined(a, shared))
     assert all(group[cause] == min(joined(cause, shared)) for cause in range(count))
@@ -100,7 +100,7 @@ def joined(cause: int, shared: list[set[int]]) -> set[int]:
 @given(troubles())
 @SOME
 def test_no_cause_costs_less_than_its_bound_when_it_is_known(problem: Troubleshooting) -> None:
-    made = arrays.beliefs(problem)
+    made = search_arrays.belief_arrays(problem)
     dearest = np.asarray(made.costs).min(axis=0)
     for cause in range(len(problem.causes)):
         ways = [conclusion.losses[cause] for conclusion in problem.conclusions]

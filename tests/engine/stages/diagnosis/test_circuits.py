@@ -6,9 +6,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.circuit import AND, OR, XOR, Circuit, Gate
-from cellwright.engine.stages.diagnosis.bench import BenchError, read_bench
-from cellwright.engine.stages.diagnosis.circuits import diagnose, top_level
+from cellwright.engine.model.troubleshooting import AND, OR, XOR, Circuit, Gate
+from cellwright.engine.stages.diagnosis.circuit_diagnosis import (
+    BenchError,
+    diagnose_circuit,
+    read_bench,
+    top_level,
+)
 
 C17 = """# six gates
 INPUT(1)
@@ -57,7 +61,7 @@ def fewest(circuit: Circuit, values: dict[str, bool], seen: dict[str, bool]) -> 
 def test_no_fewer_gates_explain_the_outputs(circuit: Circuit, data: st.DataObject) -> None:
     values = {wire: data.draw(st.booleans()) for wire in circuit.inputs}
     seen = {output: data.draw(st.booleans()) for output in circuit.outputs}
-    made, size = diagnose(circuit, values, seen), fewest(circuit, values, seen)
+    made, size = diagnose_circuit(circuit, values, seen), fewest(circuit, values, seen)
     assert (made is None) == (size is None)
     if made is not None:
         assert len(made.gates) == size
@@ -92,7 +96,7 @@ def test_injected_inversions_bound_the_diagnosis(vector: int, flipped: set[str])
     found = circuit.values(values, frozenset(flipped))
     seen = {output: found[output] for output in circuit.outputs}
     assume(any(seen[output] != circuit.values(values)[output] for output in seen))
-    made = diagnose(circuit, values, seen)
+    made = diagnose_circuit(circuit, values, seen)
     assert made is not None
     assert 1 <= len(made.gates) <= len(flipped)
 
@@ -155,8 +159,8 @@ def test_a_long_line_is_cut_in_the_message() -> None:
 
 def test_no_gate_explains_an_output_that_is_also_an_input() -> None:
     circuit = Circuit("wire", ("a",), ("a", "g"), {"g": Gate(AND, True, ("a",))})
-    assert diagnose(circuit, {"a": True}, {"a": False, "g": False}) is None
-    made = diagnose(circuit, {"a": True}, {"a": True, "g": True})
+    assert diagnose_circuit(circuit, {"a": True}, {"a": False, "g": False}) is None
+    made = diagnose_circuit(circuit, {"a": True}, {"a": True, "g": True})
     assert made is not None
     assert (made.gates, made.candidates) == (("g",), 1)
 
@@ -169,6 +173,6 @@ def test_a_gate_that_leads_to_no_output_is_not_blamed() -> None:
     }
     circuit = Circuit("dead", ("a",), ("g",), gates)
     assert top_level(circuit) == {"g"}
-    made = diagnose(circuit, {"a": True}, {"g": True})
+    made = diagnose_circuit(circuit, {"a": True}, {"g": True})
     assert made is not None
     assert made.gates == ("g",)

@@ -5,14 +5,26 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from cellwright.engine.model.cases import Diagnosis, Hypothesis, Observation, Prepared
-from cellwright.engine.model.troubleshooting import Action, Advice
-from cellwright.engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
-from cellwright.engine.stages.diagnosis.multiple import explanations
-from cellwright.engine.stages.diagnosis.session import A_PERSON, QUESTION, Session, run, steps
-from cellwright.engine.stages.diagnosis.world import HiddenWorld, draw_cause
-from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
-from cellwright.kb.model.plan import Step, StepId
+from cellwright.engine.model.troubleshooting import (
+    Action,
+    CaseAdvice,
+    CaseDiagnosis,
+    CaseHypothesis,
+    Observation,
+    PreparationSteps,
+)
+from cellwright.engine.stages.diagnosis.case_session import (
+    A_PERSON,
+    QUESTION,
+    CaseSession,
+    case_steps,
+    explain_observations,
+    run_session,
+)
+from cellwright.engine.stages.diagnosis.fault_problems import CURED, NOT_CURED, CaseObjective
+from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld, draw_cause
+from cellwright.kb.model.fault_model import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.kb.model.plan_model import Step, StepId
 from cellwright.kb.terms import Function
 
 LOOK = FaultTest("look", "", 2, ("fine", "wet"), "fine", {"leak": {"wet": 1.0}})
@@ -40,10 +52,12 @@ SWAP = Repair("swap", "", 50, {"leak": 1.0, "jam": 1.0, "rust": 1.0})
 CHEAP = Repair("cheap", "", 4, {"leak": 1.0})
 
 
-def told(model: FaultModel, *answers: str | None, objective: Objective = Objective.ISOLATE) -> Diagnosis:
+def told(
+    model: FaultModel, *answers: str | None, objective: CaseObjective = CaseObjective.ISOLATE
+) -> CaseDiagnosis:
     """The diagnosis after these answers, in the order of the questions."""
     replies = iter(answers)
-    return run(Session(model, "halt", objective), lambda *_: next(replies, None))
+    return run_session(CaseSession(model, "halt", objective), lambda *_: next(replies, None))
 
 
 def test_repairs_that_serve_most_of_what_is_possible_come_first_then_the_cheapest() -> None:
@@ -90,7 +104,7 @@ def test_what_a_person_did_not_put_right_is_not_asked_again() -> None:
 
 def test_a_person_names_the_cause_and_is_then_asked_whether_it_is_put_right() -> None:
     made = told(pump(tests=()), "jam", "yes")
-    assert made.hypotheses == ((Hypothesis(("jam",)), 1.0),)
+    assert made.hypotheses == ((CaseHypothesis(("jam",)), 1.0),)
     assert [each.outcome for each in made.observations] == ["jam", "yes"]
     assert made.finished
     assert made.cured == A_PERSON
@@ -112,50 +126,52 @@ def test_an_answer_that_was_not_offered_is_no_answer() -> None:
 def test_the_stage_of_a_question_shows_the_belief_before_it() -> None:
     (stage,) = told(pump(tests=()), "something else").stages
     assert dict(stage.belief) == pytest.approx({"leak": 0.5, "jam": 0.25, "rust": 0.125, "fog": 0.125})
-    assert stage.advice == Advice(None, None, 90.0, 90.0, True)
+    assert stage.advice == CaseAdvice(None, None, 90.0, 90.0, True)
     assert stage.cost == 90.0
 
 
 def test_a_repair_that_cures_ends_the_case_with_what_it_cures() -> None:
-    made = told(pump(SEAL, tests=()), CURED, objective=Objective.REPAIR)
+    made = told(pump(SEAL, tests=()), CURED, objective=CaseObjective.REPAIR)
     assert made.cured == "seal"
-    assert made.hypotheses == ((Hypothesis(("leak",)), 1.0),)
+    assert made.hypotheses == ((CaseHypothesis(("leak",)), 1.0),)
     assert (made.repairs, made.question, made.finished) == ((), None, True)
     assert made.cost == 5.0
 
 
 def test_a_repair_that_does_not_help_leaves_the_other_causes() -> None:
-    made = told(pump(SEAL, tests=()), NOT_CURED, objective=Objective.REPAIR)
+    made = told(pump(SEAL, tests=()), NOT_CURED, objective=CaseObjective.REPAIR)
     assert made.cured is None
     assert {str(h) for h, _ in made.hypotheses} == {"jam", "rust", "fog"}
 
 
 def test_a_case_without_an_answer_stays_where_it_is() -> None:
-    session = Session(pump(), "halt")
-    assert list(steps(session, lambda *_: None)) == []
+    session = CaseSession(pump(), "halt")
+    assert list(case_steps(session, lambda *_: None)) == []
     assert session.belief() == tuple(
-        (Hypothesis((name,)), pytest.approx(count / 8)) for name, count in COUNTS.items()
+        (CaseHypothesis((name,)), pytest.approx(count / 8)) for name, count in COUNTS.items()
     )
 
 
 def test_counts_that_are_given_replace_those_of_the_fault_base() -> None:
-    session = Session(pump(), "halt", counts={"fog": 3.0, "rust": 1.0})
-    assert dict(session.belief()) == pytest.approx({Hypothesis(("fog",)): 0.75, Hypothesis(("rust",)): 0.25})
+    session = CaseSession(pump(), "halt", counts={"fog": 3.0, "rust": 1.0})
+    assert dict(session.belief()) == pytest.approx(
+        {CaseHypothesis(("fog",)): 0.75, CaseHypothesis(("rust",)): 0.25}
+    )
 
 
 def test_when_nothing_alone_explains_what_was_seen_sets_of_causes_do() -> None:
-    session = Session(pump(), "halt")
+    session = CaseSession(pump(), "halt")
     for name, said in (("listen", "loud"), ("look", "wet")):
         actions = [action.name for action in session.case.problem.actions]
         index = actions.index(name)
         session.observe(index, session.case.problem.actions[index].outcomes.index(said), session.advice())
-    assert session.belief()[0][0] == Hypothesis(("jam", "leak"))
+    assert session.belief()[0][0] == CaseHypothesis(("jam", "leak"))
     assert session.case.problem.actions == ()
     assert session.diagnosis().cost == 3.0
 
 
 def test_a_case_is_finished_when_its_cause_is_known_even_if_a_repair_is_left_to_do() -> None:
-    session = Session(pump(SEAL), "halt", Objective.REPAIR)
+    session = CaseSession(pump(SEAL), "halt", CaseObjective.REPAIR)
     look = [action.name for action in session.case.problem.actions].index("look")
     session.observe(look, 1, session.advice())
     assert session.advice().action is not None
@@ -164,7 +180,7 @@ def test_a_case_is_finished_when_its_cause_is_known_even_if_a_repair_is_left_to_
 
 
 def test_a_repair_that_cures_several_causes_finishes_the_case_without_telling_which() -> None:
-    made = told(pump(SWAP, tests=()), CURED, objective=Objective.REPAIR)
+    made = told(pump(SWAP, tests=()), CURED, objective=CaseObjective.REPAIR)
     assert {str(h) for h, _ in made.hypotheses} == {"leak", "jam", "rust"}
     assert (made.isolated, made.finished, made.cured) == (False, True, "swap")
 
@@ -172,14 +188,16 @@ def test_a_repair_that_cures_several_causes_finishes_the_case_without_telling_wh
 def test_the_likeliest_explanations_are_kept() -> None:
     """The leak explains what was seen; so does rust, the likelier cause, but only if the look was wrong."""
     seen = [Observation("look", "wet")]
-    every = explanations(pump(), {"leak": 0.4, "rust": 0.6}, seen)
-    assert [h for h, _ in every] == [Hypothesis(("leak",)), Hypothesis(("rust",), ("look",))]
-    assert explanations(pump(), {"leak": 0.4, "rust": 0.6}, seen, most=1) == [(Hypothesis(("leak",)), 1.0)]
+    every = explain_observations(pump(), {"leak": 0.4, "rust": 0.6}, seen)
+    assert [h for h, _ in every] == [CaseHypothesis(("leak",)), CaseHypothesis(("rust",), ("look",))]
+    assert explain_observations(pump(), {"leak": 0.4, "rust": 0.6}, seen, most=1) == [
+        (CaseHypothesis(("leak",)), 1.0)
+    ]
 
 
 def test_a_cause_that_never_happens_explains_nothing() -> None:
-    found = explanations(pump(), {"leak": 0.0, "rust": 1.0}, [Observation("look", "wet")])
-    assert found == [(Hypothesis(("rust",), ("look",)), 1.0)]
+    found = explain_observations(pump(), {"leak": 0.0, "rust": 1.0}, [Observation("look", "wet")])
+    assert found == [(CaseHypothesis(("rust",), ("look",)), 1.0)]
 
 
 @dataclass
@@ -189,11 +207,11 @@ class Helper:
     out_of_reach: tuple[str, ...] = ()
     done: list[tuple[str, str]] = field(default_factory=list)
 
-    def prepare(self, session: Session, action: str) -> Prepared | None:
+    def prepare(self, session: CaseSession, action: str) -> PreparationSteps | None:
         assert action in [each.name for each in session.case.problem.actions]
-        return None if action in self.out_of_reach else Prepared((GO,), 4.0)
+        return None if action in self.out_of_reach else PreparationSteps((GO,), 4.0)
 
-    def carried_out(self, action: str, outcome: str, prepared: Prepared) -> None:
+    def carried_out(self, action: str, outcome: str, prepared: PreparationSteps) -> None:
         assert prepared.steps == (GO,)
         self.done.append((action, outcome))
 
@@ -203,16 +221,18 @@ GO = Step(StepId(1), Function("go"))
 
 def test_what_comes_before_a_test_is_done_and_paid_with_it() -> None:
     helper = Helper()
-    made = run(Session(pump(), "halt", hands=helper), lambda action, _: {"look": "wet"}.get(action.name))
+    made = run_session(
+        CaseSession(pump(), "halt", hands=helper), lambda action, _: {"look": "wet"}.get(action.name)
+    )
     assert helper.done == [("look", "wet")]
     assert [(stage.cost, stage.steps) for stage in made.stages] == [(2.0 + 4.0, (GO,))]
 
 
 def test_what_cannot_be_prepared_any_more_is_left_out_and_the_belief_stays() -> None:
     helper = Helper(("look",))
-    session = Session(pump(), "halt", hands=helper)
+    session = CaseSession(pump(), "halt", hands=helper)
     before, asked = session.belief(), list[str]()
-    run(session, lambda action, _: asked.append(action.name))
+    run_session(session, lambda action, _: asked.append(action.name))
     assert session.left_out == ["look"]
     assert asked[0] == "listen"
     assert session.belief() == tuple((each, pytest.approx(share)) for each, share in before)
@@ -225,15 +245,17 @@ def test_what_cannot_be_prepared_any_more_is_left_out_and_the_belief_stays() -> 
 def test_a_hidden_world_answers_tests_by_their_chances_and_questions_truly() -> None:
     often = FaultTest("often", "", 1, ("no", "yes"), "no", {"leak": {"no": 0.25, "yes": 0.75}})
     model = pump(SEAL, FREE, tests=(often,))
-    said = [HiddenWorld(model, Hypothesis(("leak",)), random.Random(n)).answer("often") for n in range(400)]
+    said = [
+        HiddenWorld(model, CaseHypothesis(("leak",)), random.Random(n)).answer("often") for n in range(400)
+    ]
     assert said.count("yes") == pytest.approx(300, abs=30)
-    world = HiddenWorld(model, Hypothesis(("leak",)))
+    world = HiddenWorld(model, CaseHypothesis(("leak",)))
     assert (world.answer("seal"), world.answer("free")) == (CURED, NOT_CURED)
     ask = Action(QUESTION, 1.0, ("jam", "leak", "other"), ((1.0,), (1.0,), (1.0,)))
     assert world.respond(ask) == "leak"
-    assert HiddenWorld(model, Hypothesis(("rust",))).respond(ask) == "other"
+    assert HiddenWorld(model, CaseHypothesis(("rust",))).respond(ask) == "other"
 
 
 def test_causes_are_drawn_by_the_counts_that_are_given() -> None:
     drawn = {draw_cause(pump(), "halt", random.Random(n), {"fog": 1.0}) for n in range(20)}
-    assert drawn == {Hypothesis(("fog",))}
+    assert drawn == {CaseHypothesis(("fog",))}

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 import cellwright.engine.stages.diagnosis.kernels
 from cellwright.engine.kernels.cancellation import Poll
 from cellwright.engine.model.troubleshooting import Troubleshooting
-from cellwright.engine.stages.diagnosis import arrays
+from cellwright.engine.stages.diagnosis import search_arrays
 from tests.engine.interpreted import interpreted_package
 from tests.engine.stages.diagnosis.cases import isolations, troubles
 
@@ -36,16 +36,16 @@ BUDGETS = (1, 3, 10_000)
 
 
 def _beliefs(modules: Modules, problem: Troubleshooting) -> object:
-    known = arrays.beliefs(problem)
+    known = search_arrays.belief_arrays(problem)
     return modules["belief"].Beliefs(*(getattr(known, name) for name in EVERY), known.situations)
 
 
 def _searched(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     """Values and bounds by branch and bound with small and large budgets."""
     belief, beliefs = modules["belief"], _beliefs(modules, problem)
-    trail = belief.Trail(beliefs, arrays.priors(problem))
+    trail = belief.Trail(beliefs, search_arrays.prior_weights(problem))
     for budget in BUDGETS:
-        table = modules["memo"].Memo(1 << 12, budget, arrays.beliefs(problem).words)
+        table = modules["memo"].Memo(1 << 12, budget, search_arrays.belief_arrays(problem).words)
         yield belief.solve(beliefs, table, trail, 0, math.inf)
         yield table.expansions, table.entries, table.spent, table.full
         for action in range(len(problem.actions)):
@@ -57,12 +57,12 @@ def _searched(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
 def _ruled(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     """What rules prefer and cost, and the lookahead over them."""
     rollout, beliefs = modules["rollout"], _beliefs(modules, problem)
-    trail = modules["belief"].Trail(beliefs, arrays.priors(problem))
-    known = arrays.beliefs(problem)
+    trail = modules["belief"].Trail(beliefs, search_arrays.prior_weights(problem))
+    known = search_arrays.belief_arrays(problem)
     width = known.words
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arrays, "Groups", lambda _, *rest: rollout.Groups(beliefs, *rest))
-        groups = arrays.groups(known)
+        patch.setattr(search_arrays, "Groups", lambda _, *rest: rollout.Groups(beliefs, *rest))
+        groups = search_arrays.cause_groups(known)
     for rule in rollout.RULES.values():
         yield rollout.greedy(beliefs, groups, trail, 0, rule)
         yield rollout.follow(beliefs, groups, modules["memo"].Memo(1 << 12, 0, width), trail, 0, rule)
@@ -76,7 +76,9 @@ def _ruled(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
 def _tabled(modules: Modules, problem: Troubleshooting) -> list[float]:
     """The values of all states."""
     radix = np.array([len(action.outcomes) + 1 for action in problem.actions], np.int64)
-    found = modules["dense"].values(_beliefs(modules, problem), arrays.priors(problem), radix, Poll())
+    found = modules["dense"].values(
+        _beliefs(modules, problem), search_arrays.prior_weights(problem), radix, Poll()
+    )
     return [float(each) for each in found.ravel()]
 
 
@@ -84,8 +86,8 @@ def _parted(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     """Values and bounds over sets of causes."""
     partition = modules["partition"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arrays, "Partition", partition.Partition)
-        sets = arrays.partition(problem, arrays.beliefs(problem))
+        patch.setattr(search_arrays, "Partition", partition.Partition)
+        sets = search_arrays.cause_set_arrays(problem, search_arrays.belief_arrays(problem))
     assert sets is not None
     causes = sum(1 << cause for cause, prior in enumerate(problem.priors) if prior > 0)
     for budget in BUDGETS:

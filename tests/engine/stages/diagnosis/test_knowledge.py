@@ -7,21 +7,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.cases import Hypothesis, Observation
-from cellwright.engine.model.troubleshooting import Setup
-from cellwright.engine.stages.diagnosis.knowledge import (
+from cellwright.engine.model.troubleshooting import CaseHypothesis, Observation, Setup
+from cellwright.engine.stages.diagnosis.case_session import CaseSession, explain_observations
+from cellwright.engine.stages.diagnosis.fault_problems import (
     CURED,
     NOT_CURED,
-    STOP,
-    Objective,
+    SAFE_STOP,
+    CaseObjective,
     case_of,
     cure_chance,
-    likelihood,
     open_case,
+    outcome_likelihood,
 )
-from cellwright.engine.stages.diagnosis.multiple import explanations
-from cellwright.engine.stages.diagnosis.session import Session
-from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.kb.model.fault_model import Cause, FaultModel, FaultTest, Interruption, Repair
 from cellwright.kb.terms import Function
 
 MANY = settings(max_examples=50, deadline=None)
@@ -50,14 +48,16 @@ GAUGE = FaultTest(
 def test_several_causes_disturb_a_test_by_a_noisy_or(
     causes: tuple[str, ...], fine: float, low: float, high: float
 ) -> None:
-    found = [likelihood(GAUGE, outcome, Hypothesis(causes)) for outcome in GAUGE.outcomes]
+    found = [outcome_likelihood(GAUGE, outcome, CaseHypothesis(causes)) for outcome in GAUGE.outcomes]
     assert found == pytest.approx([fine, low, high])
 
 
 def test_a_test_that_lies_says_anything() -> None:
-    lying = Hypothesis(("leak",), ("gauge",))
-    assert [likelihood(GAUGE, outcome, lying) for outcome in GAUGE.outcomes] == pytest.approx([1 / 3] * 3)
-    assert likelihood(GAUGE, "fine", Hypothesis(("leak",), ("other",))) == pytest.approx(0.4)
+    lying = CaseHypothesis(("leak",), ("gauge",))
+    assert [outcome_likelihood(GAUGE, outcome, lying) for outcome in GAUGE.outcomes] == pytest.approx(
+        [1 / 3] * 3
+    )
+    assert outcome_likelihood(GAUGE, "fine", CaseHypothesis(("leak",), ("other",))) == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_a_test_that_lies_says_anything() -> None:
 )
 def test_a_repair_cures_if_it_puts_every_cause_right(causes: tuple[str, ...], chance: float) -> None:
     repair = Repair("mend", "", 1, {"leak": 0.5, "jam": 0.8})
-    assert cure_chance(repair, Hypothesis(causes)) == pytest.approx(chance)
+    assert cure_chance(repair, CaseHypothesis(causes)) == pytest.approx(chance)
 
 
 # Bayes' rule by brute force.
@@ -114,7 +114,7 @@ def cases(draw: st.DrawFn) -> tuple[FaultModel, list[Observation]]:
     return model, seen + ([Observation("mend", NOT_CURED)] if draw(st.booleans()) else [])
 
 
-def joint(model: FaultModel, seen: list[Observation], hypothesis: Hypothesis) -> float:
+def joint(model: FaultModel, seen: list[Observation], hypothesis: CaseHypothesis) -> float:
     """The probability of a set of causes and lies together with what was seen, multiplied out."""
     weight = math.prod(model.priors("halt")[cause] for cause in hypothesis.causes)
     weight *= model.lies ** len(hypothesis.lies)
@@ -126,7 +126,7 @@ def joint(model: FaultModel, seen: list[Observation], hypothesis: Hypothesis) ->
     return weight
 
 
-def seen_so(test: FaultTest, outcome: str, hypothesis: Hypothesis) -> float:
+def seen_so(test: FaultTest, outcome: str, hypothesis: CaseHypothesis) -> float:
     """A noisy-or: nothing shows if no cause disturbs; else each outcome by its share in what the causes may show."""
     if test.name in hypothesis.lies:
         return 1 / len(test.outcomes)
@@ -150,37 +150,37 @@ def test_explanations_are_the_minimal_ones_with_the_probabilities_of_bayes(
     model, seen = case
     tested = tuple(each.action for each in seen if each.action != "mend")
     explaining = [
-        Hypothesis(causes, lies)
+        CaseHypothesis(causes, lies)
         for causes in subsets(CAUSES)[1:]
         for lies in subsets(tested)
-        if joint(model, seen, Hypothesis(causes, lies)) > 0.0
+        if joint(model, seen, CaseHypothesis(causes, lies)) > 0.0
     ]
     minimal = [h for h in explaining if not any(_less(other, h) for other in explaining)]
     total = sum(joint(model, seen, each) for each in minimal)
-    found = explanations(model, model.priors("halt"), seen)
+    found = explain_observations(model, model.priors("halt"), seen)
     assert {h: p for h, p in found} == pytest.approx({h: joint(model, seen, h) / total for h in minimal})
     assert [p for _, p in found] == sorted((p for _, p in found), reverse=True)
 
 
-def _less(one: Hypothesis, other: Hypothesis) -> bool:
+def _less(one: CaseHypothesis, other: CaseHypothesis) -> bool:
     whole = {*other.causes, *other.lies}
     return one != other and {*one.causes, *one.lies} <= whole
 
 
-@given(cases(), st.sampled_from(list(Objective)))
+@given(cases(), st.sampled_from(list(CaseObjective)))
 @MANY
 def test_a_belief_is_that_of_bayes_after_every_outcome(
-    case: tuple[FaultModel, list[Observation]], objective: Objective
+    case: tuple[FaultModel, list[Observation]], objective: CaseObjective
 ) -> None:
     model, seen = case
-    session = Session(model, "halt", objective)
+    session = CaseSession(model, "halt", objective)
     past: list[Observation] = []
     for each in seen:
         names = [action.name for action in session.case.problem.actions]
         if each.action not in names:
             continue
         past.append(each)
-        alone = {Hypothesis((cause,)): joint(model, past, Hypothesis((cause,))) for cause in CAUSES}
+        alone = {CaseHypothesis((cause,)): joint(model, past, CaseHypothesis((cause,))) for cause in CAUSES}
         if not any(alone.values()):
             return
         action = names.index(each.action)
@@ -222,13 +222,13 @@ def test_a_case_has_the_tests_that_tell_and_the_repairs_that_serve_its_causes() 
     assert [action.name for action in tests.actions] == ["gauge", "sharp"]
     assert tests.causes == ("leak", "jam", "rust")
     assert tests.priors == pytest.approx((4 / 7, 2 / 7, 1 / 7))
-    both = open_case(model, "halt", Objective.REPAIR).problem
+    both = open_case(model, "halt", CaseObjective.REPAIR).problem
     assert [action.name for action in both.actions] == ["gauge", "sharp", "mend"]
     assert open_case(model, "halt", counts={"rust": 7.0}).problem.priors == pytest.approx((0.1, 0.1, 0.8))
 
 
 def test_the_rows_of_a_test_are_its_likelihoods_and_those_of_a_repair_its_cures() -> None:
-    gauge, mend = open_case(base(), "halt", Objective.REPAIR).problem.actions
+    gauge, mend = open_case(base(), "halt", CaseObjective.REPAIR).problem.actions
     assert (gauge.cost, gauge.outcomes, gauge.ends) == (3.0, ("fine", "low", "high"), frozenset())
     assert gauge.likelihoods == ((0.4, 0.5, 1.0), (0.6, 0.0, 0.0), (0.0, 0.5, 0.0))
     assert (mend.cost, mend.outcomes, mend.ends) == (7.0, (CURED, NOT_CURED), frozenset({0}))
@@ -244,8 +244,8 @@ def test_to_isolate_is_to_conclude_what_is_sure_and_to_repair_is_to_end_or_to_st
         ("rust", (inf, inf, 0.0)),
         ("jam or rust", (inf, 0.0, 0.0)),  # the gauge may leave both possible
     ]
-    (stop,) = open_case(base(sharp=SHARP), "halt", Objective.REPAIR).problem.conclusions
-    assert (stop.name, stop.losses) == (STOP, (500.0, 500.0, 500.0))
+    (stop,) = open_case(base(sharp=SHARP), "halt", CaseObjective.REPAIR).problem.conclusions
+    assert (stop.name, stop.losses) == (SAFE_STOP, (500.0, 500.0, 500.0))
 
 
 def test_causes_that_no_test_surely_tells_apart_are_concluded_together_through_others() -> None:
@@ -261,8 +261,8 @@ def test_causes_that_no_test_surely_tells_apart_are_concluded_together_through_o
 
 
 def test_what_was_done_is_not_done_again() -> None:
-    model, both = base(sharp=SHARP), (Hypothesis(("leak",)), Hypothesis(("jam",)))
-    case = case_of(model, "halt", both, (3.0, 1.0), Objective.REPAIR, done=("gauge", "mend"))
+    model, both = base(sharp=SHARP), (CaseHypothesis(("leak",)), CaseHypothesis(("jam",)))
+    case = case_of(model, "halt", both, (3.0, 1.0), CaseObjective.REPAIR, done=("gauge", "mend"))
     assert [action.name for action in case.problem.actions] == ["sharp"]
     assert case.problem.priors == (0.75, 0.25)
     assert (case.exception, case.hypotheses) == ("halt", both)
@@ -274,7 +274,7 @@ def test_what_cannot_be_set_up_is_left_out() -> None:
         costs = tuple(math.inf if Function("far") in each else 5.0 for each in needed)
         return Setup((costs,), (tuple(0 for _ in needed),))
 
-    found = open_case(base(sharp=SHARP), "halt", Objective.REPAIR, setup=setup).problem
+    found = open_case(base(sharp=SHARP), "halt", CaseObjective.REPAIR, setup=setup).problem
     assert [action.name for action in found.actions] == ["gauge", "mend"]
     assert found.setup == Setup(((5.0, 5.0),), ((0, 0),))
     assert open_case(base(), "halt", setup=setup).problem.setup == Setup(((5.0,),), ((0,),))
@@ -294,6 +294,6 @@ def test_the_most_frequent_of_causes_that_explain_alike_is_found_first(frequent:
         lies=0.001,
     )
     seen = [Observation("t", "odd")]
-    ((found, _),) = explanations(model, model.priors("halt"), seen, most=1)
-    assert found == Hypothesis((frequent,), ())
-    assert explanations(model, model.priors("halt"), seen)[0][0] == found
+    ((found, _),) = explain_observations(model, model.priors("halt"), seen, most=1)
+    assert found == CaseHypothesis((frequent,), ())
+    assert explain_observations(model, model.priors("halt"), seen)[0][0] == found

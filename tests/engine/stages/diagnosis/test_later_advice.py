@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.troubleshooting import Conclude, Standing, Tree, Troubleshooting
-from cellwright.engine.stages.diagnosis.selection import Selector
+from cellwright.engine.model.troubleshooting import CaseStanding, Conclude, Tree, Troubleshooting
+from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
 from tests.engine.stages.diagnosis.cases import certain, isolations, names, troubles
 
 SOME = settings(max_examples=80, deadline=None)
 
 
-def on_the_way(selector: Selector, steps: st.DataObject) -> Standing:
+def on_the_way(selector: ActionSelector, steps: st.DataObject) -> CaseStanding:
     """Where a case stands after up to three actions whose outcomes are possible."""
     standing = selector.start()
     for _ in range(steps.draw(st.integers(0, 3))):
@@ -29,7 +29,7 @@ def on_the_way(selector: Selector, steps: st.DataObject) -> Standing:
     return standing
 
 
-def still_open(selector: Selector, standing: Standing) -> list[int]:
+def still_open(selector: ActionSelector, standing: CaseStanding) -> list[int]:
     """The actions that may still tell something."""
     advice = selector.advise(standing)
     others = [action for action, _ in advice.runners_up]
@@ -41,7 +41,7 @@ def leaves(tree: Tree) -> list[Conclude]:
     return [tree] if isinstance(tree, Conclude) else [e for _, after in tree.branches for e in leaves(after)]
 
 
-def cost_of_stopping(selector: Selector, standing: Standing) -> float:
+def cost_of_stopping(selector: ActionSelector, standing: CaseStanding) -> float:
     """What the best conclusion loses; infinite if there is none, or the cause is not sure enough for any."""
     weights = selector.weights(standing)
     losses = [
@@ -54,7 +54,7 @@ def cost_of_stopping(selector: Selector, standing: Standing) -> float:
 @given(isolations(5) | troubles(3), st.data())
 @SOME
 def test_bounds_and_costs_hold_on_the_way(problem: Troubleshooting, steps: st.DataObject) -> None:
-    exact, without = Selector(problem), Selector(problem, expansions=0)
+    exact, without = ActionSelector(problem), ActionSelector(problem, expansions=0)
     standing = on_the_way(exact, steps)
     best = exact.advise(standing)
     assert best.optimal
@@ -67,7 +67,7 @@ def test_bounds_and_costs_hold_on_the_way(problem: Troubleshooting, steps: st.Da
 @given(isolations(5) | troubles(3), st.data())
 @SOME
 def test_a_tree_from_the_way_shares_out_what_is_left(problem: Troubleshooting, steps: st.DataObject) -> None:
-    selector = Selector(problem)
+    selector = ActionSelector(problem)
     tree = selector.tree(on_the_way(selector, steps))
     assert tree.probability == pytest.approx(1.0)
     assert sum(each.probability for each in leaves(tree)) == pytest.approx(1.0)
@@ -78,7 +78,7 @@ def test_a_tree_from_the_way_shares_out_what_is_left(problem: Troubleshooting, s
 def test_advice_in_haste_promises_nothing_and_never_goes_on_dearer_than_stopping(
     problem: Troubleshooting, steps: st.DataObject
 ) -> None:
-    exact, hasty = Selector(problem), Selector(problem, interrupted=lambda: True)
+    exact, hasty = ActionSelector(problem), ActionSelector(problem, interrupted=lambda: True)
     standing = on_the_way(exact, steps)
     best, advice, stopping = (
         exact.advise(standing),
@@ -99,10 +99,10 @@ def test_advice_in_haste_promises_nothing_and_never_goes_on_dearer_than_stopping
 def test_a_selector_that_was_asked_before_advises_like_a_new_one(
     problem: Troubleshooting, steps: st.DataObject
 ) -> None:
-    asked = Selector(problem, expansions=0)
+    asked = ActionSelector(problem, expansions=0)
     for _ in range(3):
         standing = on_the_way(asked, steps)
-        new = Selector(problem, expansions=0).advise(standing)
+        new = ActionSelector(problem, expansions=0).advise(standing)
         again = asked.advise(standing)
         assert (again.action, again.conclusion) == (new.action, new.conclusion)
         assert again.expected_cost == pytest.approx(new.expected_cost)
@@ -112,7 +112,7 @@ def test_a_selector_that_was_asked_before_advises_like_a_new_one(
 @SOME
 def test_nothing_is_advised_where_no_cause_is_possible(problem: Troubleshooting) -> None:
     with pytest.raises(ValueError, match="no cause"):
-        Selector(problem).advise(Standing(0, 0, 0))
+        ActionSelector(problem).advise(CaseStanding(0, 0, 0))
 
 
 def test_advice_in_haste_is_bounded_by_what_the_causes_would_cost_if_they_were_known() -> None:
@@ -120,7 +120,7 @@ def test_advice_in_haste_is_bounded_by_what_the_causes_would_cost_if_they_were_k
         certain("tighten", 3.0, (0, 1), frozenset({0})),
         certain("replace", 5.0, (1, 0), frozenset({0})),
     )
-    selector = Selector(Troubleshooting(names(2), (0.5, 0.5), repairs), interrupted=lambda: True)
+    selector = ActionSelector(Troubleshooting(names(2), (0.5, 0.5), repairs), interrupted=lambda: True)
     advice = selector.advise(selector.start())
     assert advice.bound == pytest.approx(4.0)
     assert advice.action is not None

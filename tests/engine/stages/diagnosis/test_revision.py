@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import pytest
 
-from cellwright.engine.model.cases import Diagnosis, Hypothesis
-from cellwright.engine.stages.diagnosis.revision import (
+from cellwright.engine.model.troubleshooting import CaseDiagnosis, CaseHypothesis
+from cellwright.engine.stages.diagnosis.belief_revision import (
+    assertion_certainties,
+    bind_atoms,
     binding_of,
-    bound,
-    certainties,
-    presupposed,
-    revision,
+    presupposed_facts,
+    world_revision,
 )
-from cellwright.kb.model.conditions import TRUE, And, Comparison, Literal, Parameter
-from cellwright.kb.model.domain import Domain, Operator
-from cellwright.kb.model.faults import Cause, FaultModel, Interruption, Repair
+from cellwright.kb.model.conditions import ALWAYS_TRUE, And, Comparison, Literal, Parameter
+from cellwright.kb.model.domain_model import Domain, Operator
+from cellwright.kb.model.fault_model import Cause, FaultModel, Interruption, Repair
 from cellwright.kb.terms import ANYTHING, Atom, Function, Variable
 
 ITEM, P = Variable("I"), Variable("P")
@@ -68,10 +68,10 @@ MODEL = FaultModel(
 BINDING = {ITEM: BOLT, P: BIN}
 
 
-def made(*hypotheses: tuple[str, ...], isolated: bool | None = None) -> Diagnosis:
+def made(*hypotheses: tuple[str, ...], isolated: bool | None = None) -> CaseDiagnosis:
     """A diagnosis that leaves these sets of causes, equally probable."""
-    belief = tuple((Hypothesis(causes), 1 / len(hypotheses)) for causes in hypotheses)
-    return Diagnosis("missing", (), belief, 0.0, len(hypotheses) == 1 if isolated is None else isolated)
+    belief = tuple((CaseHypothesis(causes), 1 / len(hypotheses)) for causes in hypotheses)
+    return CaseDiagnosis("missing", (), belief, 0.0, len(hypotheses) == 1 if isolated is None else isolated)
 
 
 def names(pairs: tuple[tuple[Atom, str], ...]) -> dict[str, str]:
@@ -95,27 +95,29 @@ def test_the_interrupted_step_binds_the_variables_of_its_operator(
 
 def test_an_assertion_is_as_certain_as_no_cause_is_that_doubts_it() -> None:
     belief = [
-        (Hypothesis(("fell",)), 0.5),
-        (Hypothesis(("slipped", "dark")), 0.3),
-        (Hypothesis(("dark",)), 0.2),
+        (CaseHypothesis(("fell",)), 0.5),
+        (CaseHypothesis(("slipped", "dark")), 0.3),
+        (CaseHypothesis(("dark",)), 0.2),
     ]
-    assert certainties(MODEL, belief, BINDING) == pytest.approx(
+    assert assertion_certainties(MODEL, belief, BINDING) == pytest.approx(
         {at(BOLT, BIN): 0.5, held(BOLT): 0.2, Function("lit"): 0.5}
     )
 
 
 def test_an_assertion_that_two_causes_of_one_hypothesis_doubt_is_doubted_once() -> None:
-    assert certainties(MODEL, [(Hypothesis(("fell", "slipped")), 0.4)], BINDING)[held(BOLT)] == pytest.approx(
-        0.6
-    )
+    assert assertion_certainties(MODEL, [(CaseHypothesis(("fell", "slipped")), 0.4)], BINDING)[
+        held(BOLT)
+    ] == pytest.approx(0.6)
     assert (
-        certainties(MODEL, [(Hypothesis(("fell",)), 0.6), (Hypothesis(("fell",)), 0.6)], BINDING)[held(BOLT)]
+        assertion_certainties(
+            MODEL, [(CaseHypothesis(("fell",)), 0.6), (CaseHypothesis(("fell",)), 0.6)], BINDING
+        )[held(BOLT)]
         == 0.0
     )
 
 
 def test_the_cause_that_was_found_withdraws_asserts_and_loses() -> None:
-    found = revision(MODEL, made(("fell",)), BINDING)
+    found = world_revision(MODEL, made(("fell",)), BINDING)
     assert names(found.withdrawn) == {"at(bolt, bin)": "fell: it fell"}
     assert names(found.asserted) == {"at(bolt, floor)": "fell: it fell"}
     assert found.lost == ("bolt",)
@@ -123,20 +125,20 @@ def test_the_cause_that_was_found_withdraws_asserts_and_loses() -> None:
 
 
 def test_two_causes_withdraw_what_each_of_them_does() -> None:
-    found = revision(MODEL, made(("fell", "dark")), BINDING)
+    found = world_revision(MODEL, made(("fell", "dark")), BINDING)
     assert set(names(found.withdrawn)) == {"at(bolt, bin)", "lit"}
     assert names(found.restored) == {}
 
 
 def test_what_is_not_isolated_withdraws_nothing() -> None:
-    found = revision(MODEL, made(("slipped",), ("dark",)), BINDING)
+    found = world_revision(MODEL, made(("slipped",), ("dark",)), BINDING)
     assert (found.withdrawn, found.asserted, found.lost) == ((), (), ())
     assert names(found.restored) == {"at(bolt, bin)": "fell is ruled out"}
-    assert revision(MODEL, made(isolated=True), BINDING).withdrawn == ()
+    assert world_revision(MODEL, made(isolated=True), BINDING).withdrawn == ()
 
 
 def test_a_repair_then_does_what_it_does_and_nothing_is_lost() -> None:
-    found = revision(MODEL, made(("fell",)), BINDING, "pick_up")
+    found = world_revision(MODEL, made(("fell",)), BINDING, "pick_up")
     assert names(found.withdrawn) == {"at(bolt, floor)": "pick_up: picked up"}
     assert names(found.asserted)["at(bolt, bin)"] == "pick_up: picked up"
     assert found.lost == ()
@@ -145,11 +147,11 @@ def test_a_repair_then_does_what_it_does_and_nothing_is_lost() -> None:
 def test_a_repair_may_lose_what_it_needed() -> None:
     lossy = replace(MODEL.repairs["pick_up"], loses=(P,))
     model = replace(MODEL, repairs={**MODEL.repairs, "pick_up": lossy})
-    assert revision(model, made(("fell",)), BINDING, "pick_up").lost == ("bin",)
+    assert world_revision(model, made(("fell",)), BINDING, "pick_up").lost == ("bin",)
 
 
 def test_what_a_person_has_put_right_is_not_lost() -> None:
-    assert revision(MODEL, replace(made(("fell",)), cured="a person"), BINDING).lost == ()
+    assert world_revision(MODEL, replace(made(("fell",)), cured="a person"), BINDING).lost == ()
 
 
 def test_the_interrupted_step_presupposes_what_its_operator_needs_to_be_true() -> None:
@@ -157,19 +159,19 @@ def test_the_interrupted_step_presupposes_what_its_operator_needs_to_be_true() -
         (Literal(at(X, Y)), Literal(held(X), False), Comparison(X, "!=", Y), Literal(Function("lit")))
     )
     take = Operator("take", (Parameter(X, "item"), Parameter(Y, "place")), needs, ())
-    give = Operator("give", (), TRUE, ())
+    give = Operator("give", (), ALWAYS_TRUE, ())
     domain = Domain("shelf", operators=(give, take))
-    assert presupposed(domain, MODEL, "missing", BINDING) == (at(BOLT, BIN), Function("lit"))
-    assert presupposed(domain, MODEL, "missing", {}) == (at(ITEM, P), Function("lit"))
-    assert presupposed(domain, MODEL, "halt", {}) == ()  # it interrupts any operator
-    assert presupposed(Domain("shelf", operators=(give,)), MODEL, "missing", BINDING) == ()
+    assert presupposed_facts(domain, MODEL, "missing", BINDING) == (at(BOLT, BIN), Function("lit"))
+    assert presupposed_facts(domain, MODEL, "missing", {}) == (at(ITEM, P), Function("lit"))
+    assert presupposed_facts(domain, MODEL, "halt", {}) == ()  # it interrupts any operator
+    assert presupposed_facts(Domain("shelf", operators=(give,)), MODEL, "missing", BINDING) == ()
 
 
 def test_what_is_withdrawn_is_not_restored() -> None:
-    found = revision(MODEL, made(("slipped",)), {})
+    found = world_revision(MODEL, made(("slipped",)), {})
     assert set(names(found.withdrawn)) == {"held(I)", "at(I, _)"}
     assert "held(I)" not in names(found.restored)
 
 
 def test_patterns_are_bound() -> None:
-    assert bound([at(ITEM, P)], {ITEM: BOLT}) == (at(BOLT, P),)
+    assert bind_atoms([at(ITEM, P)], {ITEM: BOLT}) == (at(BOLT, P),)

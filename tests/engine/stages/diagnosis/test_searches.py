@@ -7,10 +7,15 @@ from hypothesis import given, settings
 
 from cellwright.engine.kernels.cancellation import Interrupted, Poll, never
 from cellwright.engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, expected_cost
-from cellwright.engine.stages.diagnosis import arrays, exact
-from cellwright.engine.stages.diagnosis.exact import BranchAndBound, Searcher, ValueTable
+from cellwright.engine.stages.diagnosis import action_selection, search_arrays
+from cellwright.engine.stages.diagnosis.action_selection import (
+    BASE_RULES,
+    ActionSelector,
+    BranchAndBound,
+    Searcher,
+    ValueTable,
+)
 from cellwright.engine.stages.diagnosis.kernels.memo import Memo
-from cellwright.engine.stages.diagnosis.selection import RULES, Selector
 from tests.engine.stages.diagnosis.cases import (
     brute_force,
     certain,
@@ -28,11 +33,13 @@ GUESS = uncertain("guess", 1.0, (0.5, 0.25))
 
 
 def searcher(problem: Troubleshooting, expansions: int, interrupted: Interrupted = never) -> Searcher:
-    return exact.searcher(problem, arrays.beliefs(problem), expansions, Poll(interrupted))
+    return action_selection.make_searcher(
+        problem, search_arrays.belief_arrays(problem), expansions, Poll(interrupted)
+    )
 
 
 def partitioned(problem: Troubleshooting) -> bool:
-    return arrays.partition(problem, arrays.beliefs(problem)) is not None
+    return search_arrays.cause_set_arrays(problem, search_arrays.belief_arrays(problem)) is not None
 
 
 SIGNATURES = ("00000", "01001", "00110", "10011", "11000", "11110")
@@ -83,9 +90,9 @@ def test_all_states_are_tabled_if_many_outcomes_are_uncertain_and_states_are_few
 
 
 def test_a_table_has_at_most_so_many_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exact, "MOST_STATES", 9)
+    monkeypatch.setattr(action_selection, "MAX_TABLE_STATES", 9)
     assert isinstance(searcher(two_causes(GUESS, LOOK), ENOUGH), ValueTable)
-    monkeypatch.setattr(exact, "MOST_STATES", 8)
+    monkeypatch.setattr(action_selection, "MAX_TABLE_STATES", 8)
     assert isinstance(searcher(two_causes(GUESS, LOOK), ENOUGH), BranchAndBound)
 
 
@@ -95,10 +102,10 @@ def test_a_table_has_at_most_so_many_states(monkeypatch: pytest.MonkeyPatch) -> 
 @given(isolations(5) | troubles(3))
 @SOME
 def test_a_value_below_the_limit_is_exact_and_any_other_is_a_bound(problem: Troubleshooting) -> None:
-    optimum, weights = brute_force(problem), arrays.priors(problem)
+    optimum, weights = brute_force(problem), search_arrays.prior_weights(problem)
 
     def fresh() -> list[Searcher]:
-        known = arrays.beliefs(problem)
+        known = search_arrays.belief_arrays(problem)
         kinds: list[Searcher] = [searcher(problem, ENOUGH), BranchAndBound(known, None)]
         return [*kinds, ValueTable(known, problem)] if len(problem.actions) <= 4 else kinds
 
@@ -114,7 +121,7 @@ def test_a_value_below_the_limit_is_exact_and_any_other_is_a_bound(problem: Trou
 def searched(expansions: int = ENOUGH, interrupted: bool = False) -> tuple[float, bool, int]:
     """The value of the six causes, whether it is proved, and the expansions."""
     search = searcher(six_causes(), ENOUGH, (lambda: True) if interrupted else never)
-    return *search.value(arrays.priors(six_causes()), 0, math.inf, expansions), search.spent
+    return *search.value(search_arrays.prior_weights(six_causes()), 0, math.inf, expansions), search.spent
 
 
 def test_a_search_ends_when_its_budget_is_spent() -> None:
@@ -137,7 +144,7 @@ def test_an_interrupted_search_proves_nothing_and_still_has_a_bound() -> None:
 def test_a_table_of_values_counts_its_states_as_work() -> None:
     table = searcher(two_causes(GUESS, LOOK), ENOUGH)
     assert table.spent == 0
-    table.value(arrays.priors(two_causes(GUESS, LOOK)), 0, math.inf, ENOUGH)
+    table.value(search_arrays.prior_weights(two_causes(GUESS, LOOK)), 0, math.inf, ENOUGH)
     assert table.spent >= 1
 
 
@@ -147,7 +154,7 @@ def test_a_table_of_values_counts_its_states_as_work() -> None:
 @given(isolations(5) | troubles())
 @SOME
 def test_other_actions_are_listed_by_bounds_on_what_they_cost(problem: Troubleshooting) -> None:
-    selector = Selector(problem)
+    selector = ActionSelector(problem)
     start = selector.start()
     advice = selector.advise(start)
     compared = selector.compare(start, tuple(range(len(problem.actions))))
@@ -166,7 +173,7 @@ def test_other_actions_are_listed_by_bounds_on_what_they_cost(problem: Troublesh
 def test_a_rule_stops_where_going_on_costs_no_less(loss: float, stops: bool) -> None:
     repair = uncertain("mend", 10.0, (1.0,), frozenset({0}))
     problem = Troubleshooting(names(1), (1.0,), (repair,), (Conclusion("ask", (loss,)),))
-    selector = Selector(problem)
+    selector = ActionSelector(problem)
     advice = selector.rule("p/c")(selector.start())
     assert (advice.action, advice.conclusion) == ((None, 0) if stops else (0, None))
     assert advice.expected_cost == pytest.approx(min(loss, 10.0))
@@ -176,11 +183,11 @@ def test_short_tables_change_no_advice() -> None:
     """Forty causes that six tests tell apart bit by bit: more states than a table of 64 holds."""
     tests = tuple(certain(f"bit{n}", 1.0 + n, tuple(each >> n & 1 for each in range(40))) for n in range(6))
     problem = Troubleshooting(names(40), (1 / 40,) * 40, tests, each_alone(40))
-    ample, cramped = Selector(problem, 0), Selector(problem, 0)
+    ample, cramped = ActionSelector(problem, 0), ActionSelector(problem, 0)
     cramped._bases = (Memo(1 << 6, 0), Memo(1 << 6, 0), Memo(1 << 6, 0))
-    cramped._followed = {rule: Memo(1 << 6, 0) for rule in RULES.values()}
+    cramped._followed = {rule: Memo(1 << 6, 0) for rule in BASE_RULES.values()}
     assert cramped.advise(cramped.start()) == ample.advise(ample.start())
-    for name in RULES:
+    for name in BASE_RULES:
         assert cramped.rule(name)(cramped.start()) == ample.rule(name)(ample.start())
     assert all(table.length > 1 << 6 for table in (*cramped._bases, *cramped._followed.values()))
 
@@ -188,8 +195,8 @@ def test_short_tables_change_no_advice() -> None:
 @given(isolations(6) | troubles())
 @SOME
 def test_a_rule_expects_what_its_tree_costs(problem: Troubleshooting) -> None:
-    for name in RULES:
-        selector = Selector(problem)
+    for name in BASE_RULES:
+        selector = ActionSelector(problem)
         rule = selector.rule(name)
         assert rule(selector.start()).expected_cost == pytest.approx(
             expected_cost(selector.tree(choose=rule))
@@ -213,7 +220,7 @@ def test_a_rule_stops_where_stopping_is_what_it_expects_though_sums_are_rounded(
         Conclusion("ask", (9.0, 9.0, 9.0)),
     )
     priors = (41 / 86, 13 / 86, 32 / 86)
-    selector = Selector(Troubleshooting(causes, priors, actions, conclusions))
+    selector = ActionSelector(Troubleshooting(causes, priors, actions, conclusions))
     for name in ("gain", "pairs"):
         rule = selector.rule(name)
         assert expected_cost(selector.tree(choose=rule)) == pytest.approx(
@@ -233,7 +240,7 @@ def test_a_comparison_that_the_budget_ends_gives_lower_bounds() -> None:
     problem = Troubleshooting(
         tuple(f"c{n}" for n in range(causes)), (1.0 / causes,) * causes, actions, conclusions
     )
-    hasty, thorough = Selector(problem, 0), Selector(problem)
+    hasty, thorough = ActionSelector(problem, 0), ActionSelector(problem)
     every = tuple(range(len(actions)))
     bounds, costs = hasty.compare(hasty.start(), every), thorough.compare(thorough.start(), every)
     assert all(exact for _, _, exact in costs)

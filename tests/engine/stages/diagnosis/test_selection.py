@@ -15,10 +15,9 @@ from cellwright.engine.model.troubleshooting import (
     Try,
     expected_cost,
 )
-from cellwright.engine.stages.diagnosis import arrays
-from cellwright.engine.stages.diagnosis.exact import BranchAndBound
-from cellwright.engine.stages.diagnosis.selection import RULES, Selector
-from cellwright.engine.stages.diagnosis.trees import simulated_cost
+from cellwright.engine.stages.diagnosis import search_arrays
+from cellwright.engine.stages.diagnosis.action_selection import BASE_RULES, ActionSelector, BranchAndBound
+from cellwright.engine.stages.diagnosis.hidden_cause import simulated_cost
 from tests.engine.stages.diagnosis.cases import (
     brute_force,
     certain,
@@ -51,7 +50,7 @@ def four_repairs() -> Troubleshooting:
 
 
 def test_the_six_state_table_costs_2_18_and_begins_with_the_second_test() -> None:
-    selector = Selector(six_states())
+    selector = ActionSelector(six_states())
     advice = selector.advise(selector.start())
     assert advice.expected_cost == pytest.approx(2.18)
     assert (advice.action, advice.optimal) == (1, True)
@@ -59,14 +58,14 @@ def test_the_six_state_table_costs_2_18_and_begins_with_the_second_test() -> Non
 
 
 def test_the_second_and_the_fourth_test_tie() -> None:
-    selector = Selector(six_states())
+    selector = ActionSelector(six_states())
     costs = {action: cost for action, cost, _ in selector.compare(selector.start(), (0, 1, 2, 3, 4))}
     assert costs[1] == pytest.approx(costs[3])
     assert min(costs[0], costs[2], costs[4]) > costs[1] + 0.1
 
 
 def test_the_four_repairs_cost_27_875_in_the_order_of_their_numbers() -> None:
-    selector = Selector(four_repairs())
+    selector = ActionSelector(four_repairs())
     tree, order = selector.tree(), []
     assert expected_cost(tree) == pytest.approx(27.875)
     while isinstance(tree, Try):
@@ -76,14 +75,14 @@ def test_the_four_repairs_cost_27_875_in_the_order_of_their_numbers() -> None:
 
 
 def test_p_over_c_is_optimal_for_independent_repairs() -> None:
-    selector = Selector(four_repairs())
+    selector = ActionSelector(four_repairs())
     assert expected_cost(selector.tree(choose=selector.rule("p/c"))) == pytest.approx(27.875)
 
 
 @settings(max_examples=150, deadline=None)
 @given(isolations())
 def test_sets_of_causes_are_searched_exactly(problem: Troubleshooting) -> None:
-    selector = Selector(problem)
+    selector = ActionSelector(problem)
     assert isinstance(selector.exact, BranchAndBound)
     assert selector.exact.partition is not None
     advice = selector.advise(selector.start())
@@ -95,7 +94,7 @@ def test_sets_of_causes_are_searched_exactly(problem: Troubleshooting) -> None:
 @settings(max_examples=150, deadline=None)
 @given(troubles(), st.booleans())
 def test_beliefs_are_searched_exactly(problem: Troubleshooting, bounded: bool) -> None:
-    selector = Selector(problem)
+    selector = ActionSelector(problem)
     if bounded:
         selector.exact = BranchAndBound(selector.exact.beliefs, None)
     advice = selector.advise(selector.start())
@@ -107,7 +106,7 @@ def test_beliefs_are_searched_exactly(problem: Troubleshooting, bounded: bool) -
 @settings(max_examples=100, deadline=None)
 @given(isolations(5) | troubles())
 def test_a_spent_budget_leaves_a_true_bound_and_a_cost_that_is_reached(problem: Troubleshooting) -> None:
-    selector, optimum = Selector(problem, expansions=1), brute_force(problem)
+    selector, optimum = ActionSelector(problem, expansions=1), brute_force(problem)
     advice = selector.advise(selector.start())
     assert advice.bound <= optimum + 1e-9
     reached = expected_cost(selector.tree())
@@ -117,22 +116,24 @@ def test_a_spent_budget_leaves_a_true_bound_and_a_cost_that_is_reached(problem: 
 @settings(max_examples=60, deadline=None)
 @given(isolations() | troubles())
 def test_no_rule_is_cheaper_than_the_optimum(problem: Troubleshooting) -> None:
-    selector = Selector(problem)
+    selector = ActionSelector(problem)
     optimum = selector.advise(selector.start()).expected_cost
-    for name in RULES:
+    for name in BASE_RULES:
         assert expected_cost(selector.tree(choose=selector.rule(name))) >= optimum - 1e-9
 
 
 @settings(max_examples=60, deadline=None)
 @given(isolations() | troubles())
 def test_the_probabilities_of_the_leaves_sum_to_one(problem: Troubleshooting) -> None:
-    assert math.fsum(leaf.probability for leaf in _leaves(Selector(problem).tree())) == pytest.approx(1.0)
+    assert math.fsum(leaf.probability for leaf in _leaves(ActionSelector(problem).tree())) == pytest.approx(
+        1.0
+    )
 
 
 @settings(max_examples=20, deadline=None)
 @given(isolations() | troubles())
 def test_the_expected_cost_is_the_mean_of_simulated_cases(problem: Troubleshooting) -> None:
-    tree = Selector(problem).tree()
+    tree = ActionSelector(problem).tree()
     costs = [simulated_cost(problem, tree, random.Random(seed)) for seed in range(2000)]
     mean = sum(costs) / len(costs)
     deviation = math.sqrt(sum((cost - mean) ** 2 for cost in costs) / len(costs))
@@ -143,14 +144,14 @@ def test_causes_that_share_a_conclusion_are_not_told_apart() -> None:
     tests = (certain("dear", 9.0, (0, 1, 0)), certain("cheap", 1.0, (0, 0, 1)))
     both = Conclusion("0 or 1", (0.0, 0.0, math.inf))
     problem = Troubleshooting(names(3), (0.5, 0.3, 0.2), tests, (*each_alone(3), both))
-    selector = Selector(problem)
+    selector = ActionSelector(problem)
     tree = selector.tree()
     assert expected_cost(tree) == pytest.approx(1.0)
     assert {leaf.conclusion for leaf in _leaves(tree)} == {2, 3}
 
 
 def test_an_observation_that_no_cause_explains_leaves_no_cause() -> None:
-    selector = Selector(six_states())
+    selector = ActionSelector(six_states())
     standing = selector.observe(selector.start(), 1, 0)
     for test, outcome in ((0, 1), (2, 0), (4, 0)):
         standing = selector.observe(standing, test, outcome)
@@ -166,10 +167,10 @@ def _leaves(tree: Tree) -> list[Conclude]:
 @settings(max_examples=40, deadline=None)
 @given(isolations(6) | troubles())
 def test_neither_a_small_table_nor_short_slices_change_the_optimum(problem: Troubleshooting) -> None:
-    cramped = Selector(problem)
+    cramped = ActionSelector(problem)
     beliefs = cramped.exact.beliefs
-    cramped.exact = BranchAndBound(beliefs, arrays.partition(problem, beliefs), length=1 << 6)
-    weights, rest = arrays.priors(problem), 0
+    cramped.exact = BranchAndBound(beliefs, search_arrays.cause_set_arrays(problem, beliefs), length=1 << 6)
+    weights, rest = search_arrays.prior_weights(problem), 0
     value, proved = cramped.exact.value(weights, rest, math.inf, 100_000)
     assert proved
     assert value == pytest.approx(brute_force(problem))
@@ -179,7 +180,7 @@ def test_neither_a_small_table_nor_short_slices_change_the_optimum(problem: Trou
 @settings(max_examples=15, deadline=None)
 @given(isolations(5))
 def test_a_search_that_is_interrupted_leaves_a_true_bound(problem: Troubleshooting) -> None:
-    stopped = Selector(problem, interrupted=lambda: True)
+    stopped = ActionSelector(problem, interrupted=lambda: True)
     advice = stopped.advise(stopped.start())
     assert advice.bound <= brute_force(problem) + 1e-9
     assert advice.bound <= advice.expected_cost + 1e-9

@@ -5,22 +5,28 @@ import random
 
 import pytest
 
-from cellwright.engine.model.cases import Diagnosis, Hypothesis, Observation
-from cellwright.engine.model.troubleshooting import expected_cost
-from cellwright.engine.stages.diagnosis.knowledge import Objective, likelihood, open_case
-from cellwright.engine.stages.diagnosis.multiple import explanations
-from cellwright.engine.stages.diagnosis.revision import binding_of, certainties, revision
-from cellwright.engine.stages.diagnosis.selection import Selector
-from cellwright.engine.stages.diagnosis.session import QUESTION, Session, run
-from cellwright.engine.stages.diagnosis.trees import simulated_cost
-from cellwright.engine.stages.diagnosis.world import HiddenWorld, draw_cause
+from cellwright.engine.model.troubleshooting import CaseDiagnosis, CaseHypothesis, Observation, expected_cost
+from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
+from cellwright.engine.stages.diagnosis.belief_revision import (
+    assertion_certainties,
+    binding_of,
+    world_revision,
+)
+from cellwright.engine.stages.diagnosis.case_session import (
+    QUESTION,
+    CaseSession,
+    explain_observations,
+    run_session,
+)
+from cellwright.engine.stages.diagnosis.fault_problems import CaseObjective, open_case, outcome_likelihood
+from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld, draw_cause, simulated_cost
 from cellwright.kb.asp import ground_term
-from cellwright.kb.loader import bundled
-from cellwright.kb.loader.faults import load_faults
-from cellwright.kb.model.faults import FaultModel
+from cellwright.kb.loader import bundled_domains
+from cellwright.kb.loader.fault_base import load_faults
+from cellwright.kb.model.fault_model import FaultModel
 from cellwright.kb.terms import Function
 
-MODELS = {name: load_faults(bundled()[name] / "domain.yaml")[0] for name in ("bulkhead", "themse")}
+MODELS = {name: load_faults(bundled_domains()[name] / "domain.yaml")[0] for name in ("bulkhead", "themse")}
 RAISED = [
     (name, e, c)
     for name, model in MODELS.items()
@@ -35,9 +41,9 @@ def step(text: str) -> Function:
     return found
 
 
-def diagnosed(model: FaultModel, exception: str, *hidden: str, seed: int = 0) -> Diagnosis:
-    world = HiddenWorld(model, Hypothesis(hidden), random.Random(seed))
-    return run(Session(model, exception), lambda action, _: world.respond(action))
+def diagnosed(model: FaultModel, exception: str, *hidden: str, seed: int = 0) -> CaseDiagnosis:
+    world = HiddenWorld(model, CaseHypothesis(hidden), random.Random(seed))
+    return run_session(CaseSession(model, exception), lambda action, _: world.respond(action))
 
 
 @pytest.mark.parametrize(("domain", "exception", "cause"), RAISED)
@@ -46,7 +52,7 @@ def test_every_cause_is_isolated_from_every_exception_that_it_raises(
 ) -> None:
     made = diagnosed(MODELS[domain], exception, cause)
     assert made.isolated
-    assert made.hypotheses == ((Hypothesis((cause,)), pytest.approx(1.0)),)
+    assert made.hypotheses == ((CaseHypothesis((cause,)), pytest.approx(1.0)),)
     assert bool(made.repairs) != MODELS[domain].causes[cause].stops
 
 
@@ -55,7 +61,7 @@ def test_the_mean_cost_of_cases_is_the_expected_cost(domain: str) -> None:
     model, chance = MODELS[domain], random.Random(7)
     for exception in model.exceptions:
         problem = open_case(model, exception).problem
-        tree = Selector(problem).tree()
+        tree = ActionSelector(problem).tree()
         costs = [simulated_cost(problem, tree, chance) for _ in range(1000)]
         assert sum(costs) / len(costs) == pytest.approx(expected_cost(tree), rel=0.15)
 
@@ -70,20 +76,20 @@ def test_beliefs_sum_to_one_at_every_stage() -> None:
 def test_two_causes_are_found_together() -> None:
     seen = [Observation("look_at_spot", "dry"), Observation("tool_self_test", "failed")]
     model = MODELS["bulkhead"]
-    found = explanations(model, model.priors("no_echo"), seen)
-    assert found[0][0] == Hypothesis(("broken_probe", "missing_couplant"))
+    found = explain_observations(model, model.priors("no_echo"), seen)
+    assert found[0][0] == CaseHypothesis(("broken_probe", "missing_couplant"))
     assert math.fsum(p for _, p in found) == pytest.approx(1.0)
 
 
 def test_what_no_cause_explains_is_a_wrong_observation() -> None:
     model = MODELS["bulkhead"]
     answers = {"read_controller": "ready"}
-    session = Session(model, "move_timeout")
+    session = CaseSession(model, "move_timeout")
     usual = {test.name: test.otherwise for test in model.tests.values()}
-    made = run(session, lambda action, _: {**usual, **answers}[action.name])
+    made = run_session(session, lambda action, _: {**usual, **answers}[action.name])
     assert made.hypotheses
     seen = [Observation("read_controller", "ready"), Observation("scan_cell", "as_modelled")]
-    found = explanations(model, model.priors("move_timeout"), seen)
+    found = explain_observations(model, model.priors("move_timeout"), seen)
     assert all(h.lies for h, _ in found)
     assert {h.causes for h, _ in found} == {("controller_hung",), ("brake_stuck",), ("obstacle",)}
 
@@ -93,7 +99,7 @@ def test_no_explanation_contains_another() -> None:
     seen = [Observation("sense_grip_width", "wider"), Observation("sense_grip_force", "slack")]
     found = [
         {*h.causes, *(f"{t} lies" for t in h.lies)}
-        for h, _ in explanations(model, model.priors("grip_failed"), seen)
+        for h, _ in explain_observations(model, model.priors("grip_failed"), seen)
     ]
     assert not any(one < other for one in found for other in found)
 
@@ -101,7 +107,7 @@ def test_no_explanation_contains_another() -> None:
 def test_a_sure_repair_that_fails_shows_a_second_cause() -> None:
     model = MODELS["themse"]
     seen = [Observation("sense_grip_width", "wider"), Observation("reference_arm", "not cured")]
-    found = explanations(model, model.priors("grip_failed"), seen)
+    found = explain_observations(model, model.priors("grip_failed"), seen)
     assert all(h.causes != ("arm_offset",) for h, _ in found)
     assert any(set(h.causes) > {"arm_offset"} for h, _ in found)
 
@@ -120,23 +126,25 @@ def test_outcomes_of_several_causes_are_a_distribution() -> None:
             ("lid_jammed", "lid_iced"),
             ("furnace_off", "flap_leaks"),
         ):
-            total = math.fsum(likelihood(test, outcome, Hypothesis(pair)) for outcome in test.outcomes)
+            total = math.fsum(
+                outcome_likelihood(test, outcome, CaseHypothesis(pair)) for outcome in test.outcomes
+            )
             assert total == pytest.approx(1.0)
 
 
 def test_a_repair_that_cures_ends_the_case() -> None:
     model = MODELS["themse"]
-    world = HiddenWorld(model, Hypothesis(("arm_offset",)))
-    made = run(Session(model, "grip_failed", Objective.REPAIR), lambda a, _: world.respond(a))
+    world = HiddenWorld(model, CaseHypothesis(("arm_offset",)))
+    made = run_session(CaseSession(model, "grip_failed", CaseObjective.REPAIR), lambda a, _: world.respond(a))
     assert made.cured == "reference_arm"
-    assert made.hypotheses[0][0] == Hypothesis(("arm_offset",))
+    assert made.hypotheses[0][0] == CaseHypothesis(("arm_offset",))
 
 
 def test_an_exception_makes_the_assertions_of_its_causes_uncertain() -> None:
     model = MODELS["bulkhead"]
     binding = binding_of(model, "implausible_value", step("us_measure(us_probe, t3_746, m1)"))
-    belief = Session(model, "implausible_value").belief()
-    certain = certainties(model, belief, binding)
+    belief = CaseSession(model, "implausible_value").belief()
+    certain = assertion_certainties(model, belief, binding)
     wet = step("couplant_applied(goal_point(meas(m1)))")
     assert certain[wet] == pytest.approx(1.0 - model.priors("implausible_value")["missing_couplant"])
 
@@ -145,20 +153,20 @@ def test_the_isolated_cause_withdraws_and_the_others_restore() -> None:
     model = MODELS["bulkhead"]
     binding = binding_of(model, "implausible_value", step("us_measure(us_probe, t3_746, m1)"))
     wet = step("couplant_applied(goal_point(meas(m1)))")
-    dry = revision(model, diagnosed(model, "implausible_value", "missing_couplant"), binding)
+    dry = world_revision(model, diagnosed(model, "implausible_value", "missing_couplant"), binding)
     assert wet in dict(dry.withdrawn)
     assert wet not in dict(dry.restored)
-    moved = revision(model, diagnosed(model, "implausible_value", "loose_cable"), binding)
+    moved = world_revision(model, diagnosed(model, "implausible_value", "loose_cable"), binding)
     assert wet in dict(moved.restored)
     assert wet not in dict(moved.withdrawn)
 
 
-def stopped(*answers: str) -> Diagnosis:
+def stopped(*answers: str) -> CaseDiagnosis:
     """A case of a cause that nobody in the cell can repair, and what the person answers who is asked."""
     model, replies = MODELS["bulkhead"], iter(answers)
-    world = HiddenWorld(model, Hypothesis(("rough_surface",)))
-    session = Session(model, "implausible_value")
-    return run(session, lambda a, _: next(replies, None) if a.name == QUESTION else world.respond(a))
+    world = HiddenWorld(model, CaseHypothesis(("rough_surface",)))
+    session = CaseSession(model, "implausible_value")
+    return run_session(session, lambda a, _: next(replies, None) if a.name == QUESTION else world.respond(a))
 
 
 def test_where_nothing_helps_a_person_is_asked_one_question() -> None:
@@ -176,21 +184,23 @@ def test_the_answer_of_a_person_is_an_observation_like_any_other() -> None:
 
 
 def test_an_answer_among_several_causes_settles_which() -> None:
-    session = Session(MODELS["themse"], "drawer_does_not_close")
+    session = CaseSession(MODELS["themse"], "drawer_does_not_close")
     session.reply("probe_fallen")
     made = session.diagnosis()
-    assert made.hypotheses == ((Hypothesis(("probe_fallen",)), pytest.approx(1.0)),)
+    assert made.hypotheses == ((CaseHypothesis(("probe_fallen",)), pytest.approx(1.0)),)
 
 
 def test_the_repair_that_serves_most_of_what_is_possible_comes_first() -> None:
     model = MODELS["bulkhead"]
-    made = run(Session(model, "tool_not_held"), lambda a, _: "normal" if a.name == "read_pressure" else None)
+    made = run_session(
+        CaseSession(model, "tool_not_held"), lambda a, _: "normal" if a.name == "read_pressure" else None
+    )
     assert not made.isolated
     assert made.repairs[0] == "set_rack_right"
 
 
 def test_a_hidden_world_repeats_itself() -> None:
-    world = HiddenWorld(MODELS["bulkhead"], Hypothesis(("loose_cable",)), random.Random(3))
+    world = HiddenWorld(MODELS["bulkhead"], CaseHypothesis(("loose_cable",)), random.Random(3))
     assert len({world.answer("repeat_measurement") for _ in range(20)}) == 1
 
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.troubleshooting import Troubleshooting, expected_cost
-from cellwright.engine.stages.diagnosis.selection import RULES, Selector
-from cellwright.engine.stages.diagnosis.trees import cost_of_case, cost_under, simulated_cost
+from cellwright.engine.stages.diagnosis.action_selection import BASE_RULES, ActionSelector
+from cellwright.engine.stages.diagnosis.hidden_cause import cost_of_case, cost_under, simulated_cost
 from tests.engine.stages.diagnosis.cases import isolations, priors, troubles
 
 MANY = settings(max_examples=60, deadline=None)
@@ -18,7 +18,7 @@ MANY = settings(max_examples=60, deadline=None)
 @given(isolations(5) | troubles())
 @MANY
 def test_a_tree_costs_under_its_own_beliefs_what_it_is_expected_to_cost(problem: Troubleshooting) -> None:
-    selector = Selector(problem)
+    selector = ActionSelector(problem)
     tree = selector.tree()
     assert cost_under(problem, tree) == pytest.approx(expected_cost(tree))
 
@@ -29,7 +29,7 @@ def test_a_tree_costs_under_other_beliefs_the_mean_of_its_cases(
     problem: Troubleshooting, data: st.DataObject
 ) -> None:
     """Tests are certain, so that each cause leads to one leaf; set-up costs are those that the tree was made for."""
-    tree = Selector(problem).tree()
+    tree = ActionSelector(problem).tree()
     other = data.draw(priors(len(problem.causes)))
     costs = [cost_of_case(problem, tree, cause, random.Random(0)) for cause in range(len(other))]
     changed = Troubleshooting(problem.causes, other, problem.actions, problem.conclusions, problem.setup)
@@ -38,10 +38,10 @@ def test_a_tree_costs_under_other_beliefs_the_mean_of_its_cases(
     )
 
 
-@given(troubles(3), st.sampled_from(list(RULES)))
+@given(troubles(3), st.sampled_from(list(BASE_RULES)))
 @settings(max_examples=10, deadline=None)
 def test_cases_that_are_drawn_cost_on_average_what_is_expected(problem: Troubleshooting, rule: str) -> None:
-    selector, chance = Selector(problem), random.Random(1)
+    selector, chance = ActionSelector(problem), random.Random(1)
     tree = selector.tree(choose=selector.rule(rule))
     drawn = [simulated_cost(problem, tree, chance) for _ in range(3000)]
     spread = math.sqrt(sum((each - sum(drawn) / 3000) ** 2 for each in drawn) / 3000) + 1e-9

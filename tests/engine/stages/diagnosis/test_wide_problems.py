@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.cases import Hypothesis
-from cellwright.engine.model.troubleshooting import Action, Troubleshooting, expected_cost
-from cellwright.engine.stages.diagnosis.knowledge import Objective
-from cellwright.engine.stages.diagnosis.selection import Selector
-from cellwright.engine.stages.diagnosis.session import Session, run
-from cellwright.engine.stages.diagnosis.world import HiddenWorld
-from cellwright.kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from cellwright.engine.model.troubleshooting import Action, CaseHypothesis, Troubleshooting, expected_cost
+from cellwright.engine.stages.diagnosis.action_selection import ActionSelector
+from cellwright.engine.stages.diagnosis.case_session import CaseSession, run_session
+from cellwright.engine.stages.diagnosis.fault_problems import CaseObjective
+from cellwright.engine.stages.diagnosis.hidden_cause import HiddenWorld
+from cellwright.kb.model.fault_model import Cause, FaultModel, FaultTest, Interruption, Repair
 from tests.engine.stages.diagnosis.cases import (
     brute_force,
     certain,
@@ -60,7 +59,7 @@ def idle(number: int, causes: int) -> Action:
 @settings(max_examples=40, deadline=None)
 @given(isolations() | troubles())
 def test_the_optimum_does_not_depend_on_the_words_of_the_causes(problem: Troubleshooting) -> None:
-    wide = Selector(widened(problem))
+    wide = ActionSelector(widened(problem))
     advice = wide.advise(wide.start())
     assert advice.optimal
     assert advice.expected_cost == pytest.approx(brute_force(problem))
@@ -74,7 +73,7 @@ def test_the_optimum_does_not_depend_on_the_number_of_uncertain_tests(
 ) -> None:
     causes = len(problem.causes)
     tests = tuple(idle(number, causes) for number in range(more))
-    wide = Selector(replace(problem, actions=(*tests, *problem.actions), setup=None), 100_000)
+    wide = ActionSelector(replace(problem, actions=(*tests, *problem.actions), setup=None), 100_000)
     advice = wide.advise(wide.start())
     assert advice.optimal
     assert advice.expected_cost == pytest.approx(brute_force(replace(problem, setup=None)))
@@ -85,7 +84,7 @@ def test_halving_isolates_each_of_many_causes(bits: int, causes: int) -> None:
     tests = tuple(
         certain(f"bit{bit}", 1.0, tuple(cause >> bit & 1 for cause in range(causes))) for bit in range(bits)
     )
-    selector = Selector(
+    selector = ActionSelector(
         Troubleshooting(names(causes), (1.0 / causes,) * causes, tests, each_alone(causes)), 1
     )
     advice = selector.advise(selector.start())
@@ -100,7 +99,7 @@ def test_what_is_too_large_for_a_proof_has_a_bound_that_holds(seed: int) -> None
     rows = [tuple(int(chance.random() < 0.2) for _ in range(80)) for _ in range(50)]
     tests = tuple(certain(f"t{i}", float(chance.randint(1, 9)), row) for i, row in enumerate(rows))
     problem = Troubleshooting(names(80), (1.0 / 80,) * 80, tests, each_alone(80, 50.0))
-    selector = Selector(problem, 20)
+    selector = ActionSelector(problem, 20)
     advice = selector.advise(selector.start())
     reached = expected_cost(selector.tree())
     assert advice.bound <= reached <= advice.expected_cost + 1e-9
@@ -132,8 +131,8 @@ def model(causes: int, tests: int, unsure: int = 0) -> FaultModel:
 @pytest.mark.parametrize(("causes", "tests", "unsure"), [(63, 9, 0), (200, 9, 0), (500, 9, 0), (100, 12, 3)])
 def test_each_of_many_causes_is_isolated(causes: int, tests: int, unsure: int) -> None:
     base = model(causes, tests, unsure)
-    hidden = Hypothesis((f"c{causes - 1}",))
-    made = run(Session(base, "e", expansions=0), _answers(base, hidden))
+    hidden = CaseHypothesis((f"c{causes - 1}",))
+    made = run_session(CaseSession(base, "e", expansions=0), _answers(base, hidden))
     assert made.isolated
     assert made.hypotheses[0][0] == hidden
 
@@ -142,11 +141,14 @@ def test_each_of_many_causes_is_isolated(causes: int, tests: int, unsure: int) -
 def test_a_pair_of_many_causes_is_explained() -> None:
     base = model(100, 9)
     base = replace(base, tests={**base.tests, "both": FaultTest("both", "", 1, ("no", "yes"), "no", {})})
-    made = run(Session(base, "e", Objective.REPAIR, expansions=0), _answers(base, Hypothesis(("c1", "c64"))))
+    made = run_session(
+        CaseSession(base, "e", CaseObjective.REPAIR, expansions=0),
+        _answers(base, CaseHypothesis(("c1", "c64"))),
+    )
     assert made.finished
     assert math.isfinite(made.cost)
 
 
-def _answers(base: FaultModel, hidden: Hypothesis):  # type: ignore[no-untyped-def]
+def _answers(base: FaultModel, hidden: CaseHypothesis):  # type: ignore[no-untyped-def]
     world = HiddenWorld(base, hidden, random.Random(0))
     return lambda action, _: world.respond(action)

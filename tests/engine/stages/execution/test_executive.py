@@ -6,16 +6,16 @@ from dataclasses import dataclass, field, replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.execution import Phase
+from cellwright.engine.model.run_protocol import RunPhase
 from cellwright.engine.stages import execution as x
-from cellwright.engine.stages.execution import Activity, Dwell, Program
+from cellwright.engine.stages.execution import Activity, ActivityProgram, Dwell
 
 
 @dataclass
 class Bench:
     """Devices that do what they are told; those with a queue one after another. `lasts` overrides forecasts."""
 
-    program: Program
+    program: ActivityProgram
     lasts: dict[int, int] = field(default_factory=dict)
     now: int = 0
     begun: dict[int, int] = field(default_factory=dict)
@@ -32,7 +32,7 @@ class Bench:
         self.numbers: dict[int, int] = {}
 
     def take(self, event: x.Event) -> None:
-        self.standing, effects = x.advance(self.program, self.standing, event, self.now)
+        self.standing, effects = x.advance_run(self.program, self.standing, event, self.now)
         for effect in effects:
             self.effects.append(effect)
             if isinstance(effect, x.Dispatch):
@@ -84,17 +84,17 @@ class Bench:
                 self.take(x.Replied(number))
                 self.serve()
             else:
-                self.take(x.Passed())
-            if self.standing.phase in (Phase.FINISHED, Phase.STOPPED, Phase.HANDLING):
+                self.take(x.TimePassed())
+            if self.standing.phase in (RunPhase.FINISHED, RunPhase.STOPPED, RunPhase.HANDLING):
                 return
 
 
-def program(*activities: Activity, **given: object) -> Program:
-    return replace(Program({each.id: each for each in activities}), **given)  # type: ignore[arg-type]
+def program(*activities: Activity, **given: object) -> ActivityProgram:
+    return replace(ActivityProgram({each.id: each for each in activities}), **given)  # type: ignore[arg-type]
 
 
 @st.composite
-def programs(draw: st.DrawFn, queues: bool = False) -> Program:
+def programs(draw: st.DrawFn, queues: bool = False) -> ActivityProgram:
     count = draw(st.integers(1, 9))
     made = {}
     ends = dict.fromkeys("abc", 0)
@@ -111,7 +111,7 @@ def programs(draw: st.DrawFn, queues: bool = False) -> Program:
         last[n] = start + lasts
         ends |= {each: last[n] for each in resources}
         made[n] = Activity(n, f"s{n}", stream, lasts, after, resources, start)
-    return Program(made, lookahead={"arm": draw(st.integers(2, 4))} if queues else {})
+    return ActivityProgram(made, lookahead={"arm": draw(st.integers(2, 4))} if queues else {})
 
 
 def broken(bench: Bench) -> str:
@@ -133,17 +133,17 @@ def broken(bench: Bench) -> str:
 
 @given(programs(), st.lists(st.integers(0, 40), min_size=9, max_size=9))
 @settings(max_examples=150, deadline=None)
-def test_every_order_is_kept_however_long_steps_take(made: Program, lasts: list[int]) -> None:
+def test_every_order_is_kept_however_long_steps_take(made: ActivityProgram, lasts: list[int]) -> None:
     bench = Bench(made, dict(enumerate(lasts, 1)))
     bench.take(x.Began())
     bench.run()
     assert broken(bench) == ""
-    assert bench.standing.phase is Phase.FINISHED
+    assert bench.standing.phase is RunPhase.FINISHED
 
 
 @given(programs())
 @settings(max_examples=150, deadline=None)
-def test_the_forecast_is_met_when_steps_take_as_long_as_forecast(made: Program) -> None:
+def test_the_forecast_is_met_when_steps_take_as_long_as_forecast(made: ActivityProgram) -> None:
     bench = Bench(made)
     bench.take(x.Began())
     bench.run()
@@ -152,7 +152,7 @@ def test_the_forecast_is_met_when_steps_take_as_long_as_forecast(made: Program) 
 
 @given(programs(queues=True), st.lists(st.integers(0, 40), min_size=9, max_size=9))
 @settings(max_examples=150, deadline=None)
-def test_streams_that_look_ahead_keep_every_order(made: Program, lasts: list[int]) -> None:
+def test_streams_that_look_ahead_keep_every_order(made: ActivityProgram, lasts: list[int]) -> None:
     bench = Bench(made, dict(enumerate(lasts, 1)))
     bench.take(x.Began())
     bench.run()
@@ -198,10 +198,10 @@ def test_an_interruption_waits_until_the_hand_is_empty() -> None:
     bench.now = 2
     bench.take(x.Interrupted())
     bench.run(until=20)
-    assert (bench.standing.phase, sorted(bench.begun)) == (Phase.PAUSED, [1, 2, 4])
+    assert (bench.standing.phase, sorted(bench.begun)) == (RunPhase.PAUSED, [1, 2, 4])
     bench.take(x.Continued())
     bench.run()
-    assert (bench.standing.phase, bench.begun[3], bench.ended[4]) == (Phase.FINISHED, 20, 50)
+    assert (bench.standing.phase, bench.begun[3], bench.ended[4]) == (RunPhase.FINISHED, 20, 50)
 
 
 def test_a_hand_that_is_full_and_waits_for_a_process_is_not_a_pause() -> None:
@@ -214,7 +214,7 @@ def test_a_hand_that_is_full_and_waits_for_a_process_is_not_a_pause() -> None:
     bench.now = 2
     bench.take(x.Interrupted())
     bench.run(until=100)
-    assert (bench.standing.phase, sorted(bench.begun), bench.ended[3]) == (Phase.PAUSED, [1, 2, 3], 55)
+    assert (bench.standing.phase, sorted(bench.begun), bench.ended[3]) == (RunPhase.PAUSED, [1, 2, 3], 55)
 
 
 def test_a_hand_that_is_full_and_waits_for_its_time_is_not_a_pause() -> None:
@@ -225,7 +225,7 @@ def test_a_hand_that_is_full_and_waits_for_its_time_is_not_a_pause() -> None:
     bench.take(x.Began())
     bench.take(x.Interrupted())
     bench.run(until=100)
-    assert (bench.standing.phase, bench.begun) == (Phase.PAUSED, {1: 0, 2: 20})
+    assert (bench.standing.phase, bench.begun) == (RunPhase.PAUSED, {1: 0, 2: 20})
 
 
 def test_a_stop_halts_at_once_and_nothing_begins_any_more() -> None:
@@ -234,10 +234,10 @@ def test_a_stop_halts_at_once_and_nothing_begins_any_more() -> None:
     )
     bench.take(x.Began())
     bench.now = 1
-    bench.take(x.Stopped())
+    bench.take(x.StopCommanded())
     assert isinstance(bench.effects[-1], x.Halt)
     bench.take(x.Replied(1))
-    assert (bench.standing.phase, list(bench.begun)) == (Phase.STOPPED, [1])
+    assert (bench.standing.phase, list(bench.begun)) == (RunPhase.STOPPED, [1])
 
 
 def test_a_missing_reply_is_a_failure_and_the_others_come_to_their_end_first() -> None:
@@ -279,6 +279,6 @@ def test_a_standing_made_from_what_is_done_goes_on_where_the_first_one_was() -> 
         Activity(2, "b", "arm", 5, (1,), ("arm",), 5),
         Activity(3, "c", "arm", 5, (2,), ("arm",), 10),
     )
-    standing = x.standing_of(made, 7, 3, Phase.RUNNING, {1}, {2: x.Running(2, 5)})
-    standing, effects = x.advance(made, standing, x.Replied(2), 10)
+    standing = x.standing_of(made, 7, 3, RunPhase.RUNNING, {1}, {2: x.Running(2, 5)})
+    standing, effects = x.advance_run(made, standing, x.Replied(2), 10)
     assert [each.activity for each in effects if isinstance(each, x.Dispatch)] == [3]

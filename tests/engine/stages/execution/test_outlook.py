@@ -6,26 +6,26 @@ from functools import reduce
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.execution import Phase
+from cellwright.engine.model.run_protocol import RunPhase
 from cellwright.engine.stages import execution as x
-from cellwright.engine.stages.execution import Activity, Program
-from cellwright.engine.stages.execution.outlook import Accuracy, outlook
+from cellwright.engine.stages.execution import Activity, ActivityProgram
+from cellwright.engine.stages.execution.start_forecast import Accuracy, forecast_starts
 
 FAR = 10**9  # a tolerance that is never reached
 EXACT = reduce(lambda known, _: known.after(1_000, 1_000), range(500), Accuracy())
 
 
-def chain(*lasts: int) -> Program:
+def chain(*lasts: int) -> ActivityProgram:
     ends = [sum(lasts[:n]) for n in range(len(lasts))]
     steps = (
         Activity(n, f"s{n}", "arm", each, (n - 1,) if n > 1 else (), ("arm",), ends[n - 1])
         for n, each in enumerate(lasts, 1)
     )
-    return Program({each.id: each for each in steps})
+    return ActivityProgram({each.id: each for each in steps})
 
 
-def fresh(program: Program) -> x.Standing:
-    return x.standing_of(program, 0, 1, Phase.RUNNING)
+def fresh(program: ActivityProgram) -> x.ExecutiveState:
+    return x.standing_of(program, 0, 1, RunPhase.RUNNING)
 
 
 def known(spread: float, count: int, seed: int) -> Accuracy:
@@ -37,20 +37,22 @@ def known(spread: float, count: int, seed: int) -> Accuracy:
 def test_the_interval_grows_with_the_steps_and_the_seconds_ahead() -> None:
     program = chain(*[10_000] * 12)
     off = [
-        w.off_ms for w in outlook(program, fresh(program), known(0.2, 30, 1), FAR).values() if w is not None
+        w.off_ms
+        for w in forecast_starts(program, fresh(program), known(0.2, 30, 1), FAR).values()
+        if w is not None
     ]
     assert len(off) == 12
     assert off[0] == 0
     assert off == sorted(off)
     longer = chain(*[100_000] * 12)
-    further = outlook(longer, fresh(longer), known(0.2, 30, 1), FAR)[12]
+    further = forecast_starts(longer, fresh(longer), known(0.2, 30, 1), FAR)[12]
     assert further is not None
     assert further.off_ms > 9 * off[-1]
 
 
 def test_where_steps_have_taken_what_was_forecast_the_starts_are_those_of_the_forecast() -> None:
     program = chain(*[30_000] * 20)
-    for each, window in outlook(program, fresh(program), EXACT).items():
+    for each, window in forecast_starts(program, fresh(program), EXACT).items():
         assert window is not None
         assert abs(window.start_ms - program.activities[each].start_ms) <= 500
 
@@ -58,7 +60,7 @@ def test_where_steps_have_taken_what_was_forecast_the_starts_are_those_of_the_fo
 def test_steps_that_all_take_longer_move_what_is_left() -> None:
     program = chain(*[30_000] * 20)
     slow = reduce(lambda so_far, _: so_far.after(1_200, 1_000), range(200), Accuracy())
-    last = outlook(program, fresh(program), slow, FAR)[20]
+    last = forecast_starts(program, fresh(program), slow, FAR)[20]
     assert last is not None
     assert 1.15 < last.start_ms / program.activities[20].start_ms < 1.25
 
@@ -69,7 +71,7 @@ def test_behind_the_horizon_no_start_is_told_and_none_before_it_is_too_uncertain
     lasts: list[int], count: int
 ) -> None:
     program = chain(*lasts)
-    windows = list(outlook(program, fresh(program), known(0.2, count, 1), 30_000).values())
+    windows = list(forecast_starts(program, fresh(program), known(0.2, count, 1), 30_000).values())
     told = [each for each in windows if each is not None]
     assert windows[: len(told)] == told  # of a chain, the first ones
     assert all(each.off_ms <= 30_000 and each.low_ms <= each.start_ms <= each.high_ms for each in told)
@@ -88,9 +90,9 @@ def test_about_95_of_100_starts_are_in_their_intervals() -> None:
         Activity(20, "meet", "oven", 60_000, (8, 18), ("oven",), 20),
         Activity(21, "out", "a", 5, (20,), ("a",), 21),
     ]
-    program, inside, told = Program({each.id: each for each in steps}), 0, 0
+    program, inside, told = ActivityProgram({each.id: each for each in steps}), 0, 0
     for seed in range(150):
-        windows = outlook(program, fresh(program), known(0.2, 100, 1_000 + seed), FAR)
+        windows = forecast_starts(program, fresh(program), known(0.2, 100, 1_000 + seed), FAR)
         for each, start in begun(program, seed).items():
             window = windows[each]
             assert window is not None
@@ -99,7 +101,7 @@ def test_about_95_of_100_starts_are_in_their_intervals() -> None:
     assert 0.91 <= (inside - 150) / told <= 0.975
 
 
-def begun(program: Program, seed: int) -> dict[int, int]:
+def begun(program: ActivityProgram, seed: int) -> dict[int, int]:
     """When each activity begins if each lasts between 0.8 and 1.2 of its forecast: plainly, one after another."""
     chance, ends, free, starts = random.Random(seed), dict[int, int](), dict[str, int](), dict[int, int]()
     for each in program.activities.values():

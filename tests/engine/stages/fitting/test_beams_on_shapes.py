@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from cellwright.engine.kernels.rigid import transform, turned
-from cellwright.engine.model.fits import Cloud, Fit, Shape
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.fitting.beams import narrowed
-from cellwright.engine.stages.fitting.distances import distances
-from cellwright.engine.stages.fitting.rays import met
-from cellwright.engine.stages.fitting.starts import Guess
-from cellwright.engine.stages.fitting.surfaces import fitted
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import rotation_by_vector, transform
+from cellwright.engine.model.shape_fits import Cloud, Fit, FitShape
+from cellwright.engine.stages.fitting.shape_distances import beam_hits, shape_distances
+from cellwright.engine.stages.fitting.shape_fit import fit_measured_shape, narrow_beams
+from cellwright.engine.stages.fitting.shape_guesses import ShapeGuess
 
 CENTRE = np.array([0.0, 0.0, 0.16])
 RADIUS = 0.01
@@ -35,40 +33,43 @@ def ranges(rays: Floats) -> Floats:
 def test_beams_meet_a_ball_where_the_closed_form_says() -> None:
     rays = beams(0.95)
     exact, off = ranges(rays), np.random.default_rng(1).normal(0.0, 1e-4, len(rays))
-    there = met(Shape.SPHERE, rays * (exact + off)[:, None] - CENTRE, rays, RADIUS, 0.0)
+    there = beam_hits(FitShape.SPHERE, rays * (exact + off)[:, None] - CENTRE, rays, RADIUS, 0.0)
     assert there.hit.all()
     assert np.allclose(there.behind_m, off, atol=1e-8)
     assert np.allclose(there.feet + CENTRE, rays * exact[:, None], atol=1e-8)
 
 
 @pytest.mark.parametrize(
-    ("shape", "angle"), [(Shape.PLANE, 0.0), (Shape.CYLINDER, 0.0), (Shape.CONE, 0.3), (Shape.SPHERE, 0.0)]
+    ("shape", "angle"),
+    [(FitShape.PLANE, 0.0), (FitShape.CYLINDER, 0.0), (FitShape.CONE, 0.3), (FitShape.SPHERE, 0.0)],
 )
-def test_feet_lie_on_the_shape(shape: Shape, angle: float) -> None:
+def test_feet_lie_on_the_shape(shape: FitShape, angle: float) -> None:
     random = np.random.default_rng(2)
     points = random.normal(size=(200, 3)) * 0.001 + [RADIUS, 0.0, 0.0]
     rays = random.normal(size=(200, 3))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    there = met(shape, points, rays, RADIUS, angle)
-    off = distances(shape, there.feet, np.asarray(RADIUS), np.asarray(angle))[:, 0]
+    there = beam_hits(shape, points, rays, RADIUS, angle)
+    off = shape_distances(shape, there.feet, np.asarray(RADIUS), np.asarray(angle))[:, 0]
     assert there.hit.mean() > 0.6  # some of these beams miss the round ones
     assert np.abs(off[there.hit]).max() < 1e-7
 
 
 def test_a_beam_that_misses_has_not_hit() -> None:
-    there = met(Shape.SPHERE, np.array([[0.0, 2 * RADIUS, 0.0]]), np.array([[0.0, 0.0, 1.0]]), RADIUS, 0.0)
+    there = beam_hits(
+        FitShape.SPHERE, np.array([[0.0, 2 * RADIUS, 0.0]]), np.array([[0.0, 0.0, 1.0]]), RADIUS, 0.0
+    )
     assert not there.hit.any()
     assert np.isfinite(there.behind_m).all()
 
 
 def test_which_points_are_known_does_not_depend_on_their_ranges() -> None:
     rays = beams(0.999)
-    at = Guess(transform(np.eye(3), CENTRE), np.asarray(RADIUS), np.asarray(0.0))
+    at = ShapeGuess(transform(np.eye(3), CENTRE), np.asarray(RADIUS), np.asarray(0.0))
     random, known = np.random.default_rng(3), []
     for sigma in (0.0, 5e-5):
         points = rays * (ranges(rays) + random.normal(0.0, 1.0, len(rays)) * sigma)[:, None]
         each = np.full(len(rays), 1e-4)
-        known.append(narrowed(Shape.SPHERE, Cloud(points, each, rays, each, 0.4 * each), at)[1])
+        known.append(narrow_beams(FitShape.SPHERE, Cloud(points, each, rays, each, 0.4 * each), at)[1])
     assert (
         known[0] == known[1]
     ).mean() > 0.99  # close to the rim of the ball, a noisy point may lead to no foot
@@ -85,8 +86,8 @@ def test_balls_seen_along_beams_are_as_wide_as_they_are() -> None:
         random = np.random.default_rng(seed)
         noise = 5e-5 / facing
         points = rays * (exact + random.normal(0.0, 1.0, len(rays)) * noise)[:, None]
-        turn = turned(random.normal(size=3))
-        fit = fitted(Shape.SPHERE, Cloud(points @ turn.T, noise, rays @ turn.T))
+        turn = rotation_by_vector(random.normal(size=3))
+        fit = fit_measured_shape(FitShape.SPHERE, Cloud(points @ turn.T, noise, rays @ turn.T))
         assert isinstance(fit, Fit)
         off.append((fit.radius_m - RADIUS) / fit.deviation("radius"))
     assert abs(float(np.mean(off))) < 0.55  # three standard errors of 30

@@ -3,37 +3,41 @@
 import numpy as np
 import pytest
 
-from cellwright.engine.kernels.rigid import apply, inverse, transform, translation, turned
-from cellwright.engine.model.fits import PARAMETERS, Cloud, Fit, Shape, Unfitted
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.fitting.between import between
-from cellwright.engine.stages.fitting.distances import distances, normals, slopes
-from cellwright.engine.stages.fitting.surfaces import fitted
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import apply, inverse, rotation_by_vector, transform, translation
+from cellwright.engine.model.shape_fits import SHAPE_PARAMETERS, Cloud, Fit, FitShape, Unfitted
+from cellwright.engine.stages.fitting.shape_distances import (
+    distance_normals,
+    distance_slopes,
+    shape_distances,
+)
+from cellwright.engine.stages.fitting.shape_fit import fit_measured_shape
+from cellwright.engine.stages.fitting.shape_relations import relate_fits
 
 SIGMA_M = 5e-5
 RADIUS_M, ANGLE = 0.01, 0.4
 
 
-def drawn(shape: Shape, random: np.random.Generator, count: int = 200) -> Floats:
+def drawn(shape: FitShape, random: np.random.Generator, count: int = 200) -> Floats:
     """Points (n, 3) exactly on a shape, in its own frame."""
     around, along = random.uniform(-1.2, 1.2, count), random.uniform(-0.01, 0.01, count)
-    out = {Shape.CONE: RADIUS_M + along * np.tan(ANGLE)}.get(shape, np.full(count, RADIUS_M))
-    if shape is Shape.PLANE:
+    out = {FitShape.CONE: RADIUS_M + along * np.tan(ANGLE)}.get(shape, np.full(count, RADIUS_M))
+    if shape is FitShape.PLANE:
         return np.stack([random.uniform(-0.01, 0.01, count), along, np.zeros(count)], axis=1)
-    if shape is Shape.SPHERE:
+    if shape is FitShape.SPHERE:
         up = random.uniform(-0.5, 0.5, count)
         return RADIUS_M * np.stack(
             [np.cos(around) * np.cos(up), np.sin(around) * np.cos(up), np.sin(up)], axis=1
         )
-    height = np.zeros(count) if shape is Shape.CIRCLE else along
+    height = np.zeros(count) if shape is FitShape.CIRCLE else along
     return np.stack([out * np.cos(around), out * np.sin(around), height], axis=1)
 
 
 def pose(random: np.random.Generator) -> Floats:
-    return transform(turned(random.normal(size=3)), random.uniform(-1.0, 1.0, 3))
+    return transform(rotation_by_vector(random.normal(size=3)), random.uniform(-1.0, 1.0, 3))
 
 
-def cloud(shape: Shape, random: np.random.Generator, wrong: float = 0.0) -> tuple[Cloud, Floats]:
+def cloud(shape: FitShape, random: np.random.Generator, wrong: float = 0.0) -> tuple[Cloud, Floats]:
     """Noisy points on a shape at a pose T; a share of them is wrong."""
     T, exact = pose(random), drawn(shape, random)
     points = apply(T, exact) + random.normal(0.0, SIGMA_M, exact.shape)
@@ -43,14 +47,14 @@ def cloud(shape: Shape, random: np.random.Generator, wrong: float = 0.0) -> tupl
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", list(Shape))
-def test_sizes_err_as_the_covariance_says(shape: Shape) -> None:
+@pytest.mark.parametrize("shape", list(FitShape))
+def test_sizes_err_as_the_covariance_says(shape: FitShape) -> None:
     random, errors = np.random.default_rng(7), []
     for _ in range(40):
         measured, T = cloud(shape, random, wrong=0.1)
-        found = fitted(shape, measured)
+        found = fit_measured_shape(shape, measured)
         assert isinstance(found, Fit)
-        if shape is Shape.PLANE:
+        if shape is FitShape.PLANE:
             off = (found.origin - T[:3, 3]) @ T[:3, 2]
             errors.append(off / found.deviation("z"))
         else:
@@ -59,78 +63,78 @@ def test_sizes_err_as_the_covariance_says(shape: Shape) -> None:
     assert 0.7 < np.std(errors) < 1.4
 
 
-def _radius(shape: Shape, found: Fit, T: Floats) -> float:
+def _radius(shape: FitShape, found: Fit, T: Floats) -> float:
     """The true radius where the fit tells its own."""
-    if shape is not Shape.CONE:
+    if shape is not FitShape.CONE:
         return RADIUS_M
     return RADIUS_M + float((found.origin - T[:3, 3]) @ T[:3, 2]) * np.tan(ANGLE)
 
 
-@pytest.mark.parametrize("shape", list(Shape))
-def test_exact_points_give_the_shape_exactly(shape: Shape) -> None:
+@pytest.mark.parametrize("shape", list(FitShape))
+def test_exact_points_give_the_shape_exactly(shape: FitShape) -> None:
     random = np.random.default_rng(3)
     T, exact = pose(random), drawn(shape, random)
-    found = fitted(shape, Cloud(apply(T, exact), np.full(len(exact), 1e-6)))
+    found = fit_measured_shape(shape, Cloud(apply(T, exact), np.full(len(exact), 1e-6)))
     assert isinstance(found, Fit)
     assert found.used.all()
     assert found.chi2 < 1e-9
-    if shape is not Shape.SPHERE:
+    if shape is not FitShape.SPHERE:
         assert abs(float(found.axis @ T[:3, 2])) == pytest.approx(1.0, abs=1e-12)
-    if shape is Shape.CONE:
+    if shape is FitShape.CONE:
         assert found.angle_rad == pytest.approx(ANGLE)
         assert float(found.axis @ T[:3, 2]) > 0
 
 
-@pytest.mark.parametrize("shape", list(Shape))
-def test_slopes_are_the_derivatives_of_distances(shape: Shape) -> None:
+@pytest.mark.parametrize("shape", list(FitShape))
+def test_slopes_are_the_derivatives_of_distances(shape: FitShape) -> None:
     random, step = np.random.default_rng(5), 1e-6
     points = drawn(shape, random, 20) + random.normal(0.0, 0.001, (20, 3))
-    known = slopes(shape, points, RADIUS_M, ANGLE if shape is Shape.CONE else 0.0)
-    for number, name in enumerate(PARAMETERS[shape]):
+    known = distance_slopes(shape, points, RADIUS_M, ANGLE if shape is FitShape.CONE else 0.0)
+    for number, name in enumerate(SHAPE_PARAMETERS[shape]):
         after, before = (_changed(shape, points, name, sign * step) for sign in (1.0, -1.0))
         assert known[..., number] == pytest.approx((after - before) / (2 * step), abs=2e-5)
 
 
-def _changed(shape: Shape, points: Floats, name: str, by: float) -> Floats:
+def _changed(shape: FitShape, points: Floats, name: str, by: float) -> Floats:
     x, y, z, a, b, radius, angle = (
         by * (name == each) for each in ("x", "y", "z", "tilt_x", "tilt_y", "radius", "angle")
     )
-    T = transform(turned(np.array([-b, a, 0.0])), (x, y, z))
+    T = transform(rotation_by_vector(np.array([-b, a, 0.0])), (x, y, z))
     local = (points - T[:3, 3]) @ T[:3, :3]
-    cone = ANGLE if shape is Shape.CONE else 0.0
-    return distances(shape, local, np.asarray(RADIUS_M + radius), np.asarray(cone + angle))
+    cone = ANGLE if shape is FitShape.CONE else 0.0
+    return shape_distances(shape, local, np.asarray(RADIUS_M + radius), np.asarray(cone + angle))
 
 
-@pytest.mark.parametrize("shape", list(Shape))
-def test_distances_grow_along_the_normals(shape: Shape) -> None:
+@pytest.mark.parametrize("shape", list(FitShape))
+def test_distances_grow_along_the_normals(shape: FitShape) -> None:
     random, step = np.random.default_rng(6), 1e-7
-    angle = np.asarray(ANGLE if shape is Shape.CONE else 0.0)
+    angle = np.asarray(ANGLE if shape is FitShape.CONE else 0.0)
     points = drawn(shape, random, 20) + random.normal(0.0, 0.001, (20, 3))
-    away = normals(shape, points, float(angle))
-    here = distances(shape, points, np.asarray(RADIUS_M), angle)
+    away = distance_normals(shape, points, float(angle))
+    here = shape_distances(shape, points, np.asarray(RADIUS_M), angle)
     for row in range(away.shape[1]):
-        there = distances(shape, points + step * away[:, row], np.asarray(RADIUS_M), angle)
+        there = shape_distances(shape, points + step * away[:, row], np.asarray(RADIUS_M), angle)
         assert (there - here)[:, row] == pytest.approx(step, rel=1e-3)
 
 
 def test_what_cannot_be_fitted_is_told() -> None:
     random = np.random.default_rng(1)
     few = Cloud(np.zeros((3, 3)), np.ones(3))
-    assert "at least" in _reason(Shape.SPHERE, few)
+    assert "at least" in _reason(FitShape.SPHERE, few)
     scattered = Cloud(random.uniform(-1.0, 1.0, (100, 3)), np.full(100, SIGMA_M))
-    assert _reason(Shape.SPHERE, scattered)
-    flat = drawn(Shape.PLANE, random) + random.normal(0.0, SIGMA_M, (200, 3))
-    assert _reason(Shape.SPHERE, Cloud(flat, np.full(200, SIGMA_M)))
+    assert _reason(FitShape.SPHERE, scattered)
+    flat = drawn(FitShape.PLANE, random) + random.normal(0.0, SIGMA_M, (200, 3))
+    assert _reason(FitShape.SPHERE, Cloud(flat, np.full(200, SIGMA_M)))
     line = np.outer(np.linspace(0.0, 1.0, 50), [1.0, 2.0, 3.0])
-    assert _reason(Shape.PLANE, Cloud(line, np.full(50, SIGMA_M)))
+    assert _reason(FitShape.PLANE, Cloud(line, np.full(50, SIGMA_M)))
     noisy = 0.01 * line + random.normal(0.0, SIGMA_M, line.shape)
-    assert "its direction is known to" in _reason(Shape.PLANE, Cloud(noisy, np.full(50, SIGMA_M)))
-    assert "not a number" in _reason(Shape.PLANE, Cloud(np.full((9, 3), np.nan), np.ones(9)))
-    assert "more than 0" in _reason(Shape.PLANE, Cloud(flat, np.zeros(200)))
+    assert "its direction is known to" in _reason(FitShape.PLANE, Cloud(noisy, np.full(50, SIGMA_M)))
+    assert "not a number" in _reason(FitShape.PLANE, Cloud(np.full((9, 3), np.nan), np.ones(9)))
+    assert "more than 0" in _reason(FitShape.PLANE, Cloud(flat, np.zeros(200)))
 
 
-def _reason(shape: Shape, points: Cloud) -> str:
-    found = fitted(shape, points)
+def _reason(shape: FitShape, points: Cloud) -> str:
+    found = fit_measured_shape(shape, points)
     assert isinstance(found, Unfitted)
     return found.reason
 
@@ -140,9 +144,9 @@ def test_step_heights_and_angles_err_as_stated() -> None:
     random, errors = np.random.default_rng(9), []
     for _ in range(40):
         T, tilt = pose(random), float(random.uniform(0.02, 0.05))
-        upper = transform(turned(np.array([tilt, 0.0, 0.0])), (0.0, 0.0, 0.004))
+        upper = transform(rotation_by_vector(np.array([tilt, 0.0, 0.0])), (0.0, 0.0, 0.004))
         one, other = (_plane(T @ each, random) for each in (np.eye(4), upper))
-        distance, angle = between(one, other)
+        distance, angle = relate_fits(one, other)
         _, y, _ = apply(inverse(T), other.origin[None])[0]
         errors += [
             (distance.value - 0.004 - y * np.tan(tilt)) / distance.sigma,
@@ -153,43 +157,45 @@ def test_step_heights_and_angles_err_as_stated() -> None:
 
 
 def _plane(T: Floats, random: np.random.Generator) -> Fit:
-    points = apply(T, drawn(Shape.PLANE, random)) + random.normal(0.0, SIGMA_M, (200, 3))
-    found = fitted(Shape.PLANE, Cloud(points, np.full(200, SIGMA_M)))
+    points = apply(T, drawn(FitShape.PLANE, random)) + random.normal(0.0, SIGMA_M, (200, 3))
+    found = fit_measured_shape(FitShape.PLANE, Cloud(points, np.full(200, SIGMA_M)))
     assert isinstance(found, Fit)
     return found
 
 
-def exact(shape: Shape, T: Floats, random: np.random.Generator, noise_m: float = 1e-7) -> Fit:
+def exact(shape: FitShape, T: Floats, random: np.random.Generator, noise_m: float = 1e-7) -> Fit:
     """A fit to points on a shape at T."""
     points = apply(T, drawn(shape, random))
-    found = fitted(shape, Cloud(points + random.normal(0.0, noise_m, points.shape), np.full(200, noise_m)))
+    found = fit_measured_shape(
+        shape, Cloud(points + random.normal(0.0, noise_m, points.shape), np.full(200, noise_m))
+    )
     assert isinstance(found, Fit)
     return found
 
 
-LYING = transform(turned(np.array([0.0, np.pi / 2, 0.0])), (0.0, 0.0, 0.0))
+LYING = transform(rotation_by_vector(np.array([0.0, np.pi / 2, 0.0])), (0.0, 0.0, 0.0))
 OFF = [
-    (Shape.CYLINDER, Shape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the axes"),
-    (Shape.CYLINDER, Shape.SPHERE, translation(0.03, 0.04, 0.02), 0.05, "of the centre from the axis"),
-    (Shape.SPHERE, Shape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the centre from the axis"),
-    (Shape.CIRCLE, Shape.CYLINDER, translation(0.0, 0.04, 0.02), 0.04, "of the centre from the axis"),
-    (Shape.CYLINDER, Shape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, None, ""),
-    (Shape.PLANE, Shape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, 0.02, "of the axis from the plane"),
-    (Shape.CYLINDER, Shape.PLANE, translation(0.02, 0.04, 0.0) @ LYING, 0.02, "of the axis from the plane"),
-    (Shape.PLANE, Shape.CYLINDER, translation(0.03, 0.04, 0.02), None, ""),
-    (Shape.PLANE, Shape.PLANE, translation(0.03, 0.04, 0.02), 0.02, "of the second's middle from the first plane"),
-    (Shape.PLANE, Shape.SPHERE, translation(0.03, 0.04, 0.02), 0.02, "of the centre from the plane"),
-    (Shape.SPHERE, Shape.CIRCLE, translation(0.03, 0.04, 0.12), 0.13, "of the centres"),
+    (FitShape.CYLINDER, FitShape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the axes"),
+    (FitShape.CYLINDER, FitShape.SPHERE, translation(0.03, 0.04, 0.02), 0.05, "of the centre from the axis"),
+    (FitShape.SPHERE, FitShape.CYLINDER, translation(0.03, 0.04, 0.02), 0.05, "of the centre from the axis"),
+    (FitShape.CIRCLE, FitShape.CYLINDER, translation(0.0, 0.04, 0.02), 0.04, "of the centre from the axis"),
+    (FitShape.CYLINDER, FitShape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, None, ""),
+    (FitShape.PLANE, FitShape.CYLINDER, translation(0.03, 0.04, 0.02) @ LYING, 0.02, "of the axis from the plane"),
+    (FitShape.CYLINDER, FitShape.PLANE, translation(0.02, 0.04, 0.0) @ LYING, 0.02, "of the axis from the plane"),
+    (FitShape.PLANE, FitShape.CYLINDER, translation(0.03, 0.04, 0.02), None, ""),
+    (FitShape.PLANE, FitShape.PLANE, translation(0.03, 0.04, 0.02), 0.02, "of the second's middle from the first plane"),
+    (FitShape.PLANE, FitShape.SPHERE, translation(0.03, 0.04, 0.02), 0.02, "of the centre from the plane"),
+    (FitShape.SPHERE, FitShape.CIRCLE, translation(0.03, 0.04, 0.12), 0.13, "of the centres"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("one", "other", "T", "apart", "told"), OFF)
 def test_shapes_are_as_far_apart_as_they_were_put(
-    one: Shape, other: Shape, T: Floats, apart: float | None, told: str
+    one: FitShape, other: FitShape, T: Floats, apart: float | None, told: str
 ) -> None:
     random = np.random.default_rng(3)
     at = pose(random)
-    found = between(exact(one, at, random), exact(other, at @ T, random))
+    found = relate_fits(exact(one, at, random), exact(other, at @ T, random))
     distances = [each for each in found if each.what == "distance"]
     assert [each.of for each in distances] == ([told] if told else [])
     for each in distances:
@@ -204,7 +210,7 @@ def test_distances_from_axes_err_as_stated(pair: int) -> None:
     random, errors = np.random.default_rng(9), []
     for _ in range(60):
         at = pose(random)
-        found = between(exact(one, at, random, SIGMA_M), exact(other, at @ T, random, SIGMA_M))[0]
+        found = relate_fits(exact(one, at, random, SIGMA_M), exact(other, at @ T, random, SIGMA_M))[0]
         errors.append((found.value - (apart or 0.0)) / found.sigma)
     assert np.mean(np.abs(errors) < 1.96) >= 0.85
     assert 0.75 < np.std(errors) < 1.3
@@ -214,12 +220,12 @@ def test_distances_from_axes_err_as_stated(pair: int) -> None:
 def test_spheres_are_as_far_apart_as_their_centres() -> None:
     random = np.random.default_rng(12)
     two = [
-        Cloud(drawn(Shape.SPHERE, random) + np.array([place, 0.0, 0.0]), np.full(200, 1e-6))
+        Cloud(drawn(FitShape.SPHERE, random) + np.array([place, 0.0, 0.0]), np.full(200, 1e-6))
         for place in (0.0, 0.05)
     ]
-    one, other = (fitted(Shape.SPHERE, each) for each in two)
+    one, other = (fit_measured_shape(FitShape.SPHERE, each) for each in two)
     assert isinstance(one, Fit)
     assert isinstance(other, Fit)
-    (distance,) = between(one, other)
+    (distance,) = relate_fits(one, other)
     assert distance.what == "distance"
     assert distance.value == pytest.approx(0.05, abs=1e-9)

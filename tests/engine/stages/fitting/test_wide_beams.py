@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from cellwright.engine.kernels.rigid import transform, turned
-from cellwright.engine.model.fits import Cloud, Shape
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.fitting.beams import NODES, WEIGHTS, narrowed
-from cellwright.engine.stages.fitting.rays import met
-from cellwright.engine.stages.fitting.starts import Guess
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.kernels.rigid import rotation_by_vector, transform
+from cellwright.engine.model.shape_fits import Cloud, FitShape
+from cellwright.engine.stages.fitting.shape_distances import beam_hits
+from cellwright.engine.stages.fitting.shape_fit import FAN_NODES, FAN_WEIGHTS, narrow_beams
+from cellwright.engine.stages.fitting.shape_guesses import ShapeGuess
 
 RADIUS, ANGLE = 0.01, 0.3
 BEAM_RAD = 0.0007  # standard deviation across
@@ -28,30 +28,34 @@ def test_the_rule_is_exact_to_the_fifth_order() -> None:
         (5, 0): 0,
     }
     for (p, q), exact in moments.items():
-        assert WEIGHTS @ (NODES[:, 0] ** p * NODES[:, 1] ** q) == pytest.approx(exact, abs=1e-12)
+        assert FAN_WEIGHTS @ (FAN_NODES[:, 0] ** p * FAN_NODES[:, 1] ** q) == pytest.approx(exact, abs=1e-12)
 
 
-def posed(shape: Shape) -> Guess:
+def posed(shape: FitShape) -> ShapeGuess:
     """A shape 0.15 m before the eye, leaning."""
-    lean = turned(np.array([0.2, 0.3, 0.0]))
-    sideways = turned(np.array([0.0, np.pi / 2, 0.0])) if shape in (Shape.CYLINDER, Shape.CONE) else np.eye(3)
-    T = transform(lean @ sideways, (0.0, 0.0, 0.15 if shape is Shape.PLANE else 0.15 + RADIUS))
-    return Guess(T, np.asarray(RADIUS), np.asarray(ANGLE if shape is Shape.CONE else 0.0))
+    lean = rotation_by_vector(np.array([0.2, 0.3, 0.0]))
+    sideways = (
+        rotation_by_vector(np.array([0.0, np.pi / 2, 0.0]))
+        if shape in (FitShape.CYLINDER, FitShape.CONE)
+        else np.eye(3)
+    )
+    T = transform(lean @ sideways, (0.0, 0.0, 0.15 if shape is FitShape.PLANE else 0.15 + RADIUS))
+    return ShapeGuess(T, np.asarray(RADIUS), np.asarray(ANGLE if shape is FitShape.CONE else 0.0))
 
 
-def ranges(shape: Shape, at: Guess, rays: Floats) -> tuple[Floats, Floats]:
+def ranges(shape: FitShape, at: ShapeGuess, rays: Floats) -> tuple[Floats, Floats]:
     """Where beams (n, 3) from the eye meet the shape, and what comes back."""
     back = np.linalg.inv(at.T)
     about = rays * 0.149
     local, own = about @ back[:3, :3].T + back[:3, 3], rays @ back[:3, :3].T
-    there = met(shape, local, own, float(at.radius_m), float(at.angle_rad))
+    there = beam_hits(shape, local, own, float(at.radius_m), float(at.angle_rad))
     assert there.hit.all()
     found = 0.149 - there.behind_m
     return found, np.abs(there.facing) / found**2
 
 
-@pytest.mark.parametrize("shape", [Shape.PLANE, Shape.SPHERE, Shape.CYLINDER, Shape.CONE])
-def test_ranges_of_wide_beams_become_those_of_thin_ones(shape: Shape) -> None:
+@pytest.mark.parametrize("shape", [FitShape.PLANE, FitShape.SPHERE, FitShape.CYLINDER, FitShape.CONE])
+def test_ranges_of_wide_beams_become_those_of_thin_ones(shape: FitShape) -> None:
     at, random = posed(shape), np.random.default_rng(1)
     places = random.uniform(-0.02, 0.02, (12, 2))
     rays = np.concatenate([places, np.ones((12, 1))], axis=1)
@@ -67,7 +71,7 @@ def test_ranges_of_wide_beams_become_those_of_thin_ones(shape: Shape) -> None:
         there, strength = ranges(shape, at, fan / np.linalg.norm(fan, axis=1, keepdims=True))
         wide[number] = (weights * strength) @ there / (weights @ strength)
     cloud = Cloud(rays * wide[:, None], np.full(12, 5e-5), rays, BEAM_RAD * wide, None, wide)
-    made, known = narrowed(shape, cloud, at)
+    made, known = narrow_beams(shape, cloud, at)
     assert known.sum() >= 6
     off, before = np.linalg.norm(made.points, axis=1) - thin, wide - thin
     assert np.abs(off[known]).max() < 2e-8 + 0.02 * np.abs(before[known]).max()

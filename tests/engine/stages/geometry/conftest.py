@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
-from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel
+from cellwright.kb.loader.arm_file import bundled_arms, load_arm
 
 ARMS = sorted(bundled_arms())
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.engine.model.geometry import Floats
+from cellwright.engine.kernels.arrays import Floats
 
 
 def is_rigid(T: Floats, tolerance: float = 1e-9) -> bool:

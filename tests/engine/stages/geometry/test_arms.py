@@ -5,20 +5,28 @@ import math
 import numpy as np
 import pytest
 
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.geometry.mechanism import Mechanism, place_batch
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
-from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver, pose_error
-from cellwright.engine.stages.geometry.kinematics.turning import turns
-from cellwright.kb.model.cell import Arm, Joint, JointKind
-from cellwright.kb.model.shapes import Pose
+from cellwright.engine.stages.geometry.kinematics.arm_model import (
+    ArmModel,
+    carrier_poses,
+    whole_turns,
+    wrap_angles,
+)
+from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import (
+    InverseKinematics,
+    InverseSolver,
+    pose_error,
+)
+from cellwright.kb.model.body_shapes import Pose
+from cellwright.kb.model.cell_model import Arm, Joint, JointKind
 from tests.engine.stages.geometry.rigid import is_rigid
 
 SOLVERS = {
-    "manutec_r3": Solver.SPHERICAL_WRIST,
-    "puma_560": Solver.SPHERICAL_WRIST,
-    "t3_746": Solver.SPHERICAL_WRIST,
-    "ur5": Solver.PARALLEL_AXES,
+    "manutec_r3": InverseSolver.SPHERICAL_WRIST,
+    "puma_560": InverseSolver.SPHERICAL_WRIST,
+    "t3_746": InverseSolver.SPHERICAL_WRIST,
+    "ur5": InverseSolver.PARALLEL_AXES,
 }
 
 
@@ -58,7 +66,7 @@ def test_inverse_kinematics_of_ten_thousand_poses_is_exact_and_misses_nothing(
     found = InverseKinematics(model).solve(poses)
     row, branch = np.nonzero(found.valid)
     assert worst_error(model, poses[row], found.q[row, branch]) < 1e-9
-    missed = np.abs(wrapped(found.q - q[:, None])).max(axis=-1)
+    missed = np.abs(wrap_angles(found.q - q[:, None])).max(axis=-1)
     assert np.where(found.valid, missed, np.inf).min(axis=1).max() < 1e-6
 
 
@@ -109,10 +117,10 @@ def test_the_compiled_forward_kinematics_agrees_with_numpy(model: ArmModel, rng:
 
 
 def test_whole_turns_within_the_limits_are_offered(models: dict[str, ArmModel]) -> None:
-    found = turns(models["ur5"], np.array([0.5, 0, 0, 0, 0, 0]))
+    found = whole_turns(models["ur5"], np.array([0.5, 0, 0, 0, 0, 0]))
     assert len(found) == 2 * 3**5
     assert models["ur5"].within_limits(found).all()
-    assert len(turns(models["manutec_r3"], np.array([3.0, 0, 0, 0, 0, 0]))) == 0
+    assert len(whole_turns(models["manutec_r3"], np.array([3.0, 0, 0, 0, 0, 0]))) == 0
 
 
 def arm_of(*joints: Joint) -> ArmModel:
@@ -128,7 +136,7 @@ def test_an_arm_without_a_closed_form_is_searched(rng: np.random.Generator) -> N
         joints.append(Joint(f"j{number}", (Pose((0.1, 0.05 * number, 0.3), turn),), lower=-3.0, upper=3.0))
     model = arm_of(*joints)
     solver = InverseKinematics(model)
-    assert solver.solver is Solver.ITERATIVE
+    assert solver.solver is InverseSolver.ITERATIVE
     poses = model.flange_pose(model.random(10, rng))
     found = solver.solve(poses)
     assert found.valid.any(axis=1).all()
@@ -154,9 +162,11 @@ def test_wrists_of_any_angle_are_one_case(oblique: float, rng: np.random.Generat
     model = arm_of(*(Joint(f"j{n}", origin, lower=-3.1, upper=3.1) for n, origin in enumerate(origins)))
     q = model.random(500, rng)
     found = InverseKinematics(model).solve(model.flange_pose(q))
-    nearest = np.where(found.valid, np.abs(wrapped(found.q - q[:, None])).max(axis=-1), np.inf).min(axis=1)
+    nearest = np.where(found.valid, np.abs(wrap_angles(found.q - q[:, None])).max(axis=-1), np.inf).min(
+        axis=1
+    )
     regular = np.linalg.svd(model.jacobian(q), compute_uv=False)[:, -1] > 1e-3
-    assert InverseKinematics(model).solver is Solver.SPHERICAL_WRIST
+    assert InverseKinematics(model).solver is InverseSolver.SPHERICAL_WRIST
     assert nearest[regular].max() < 1e-6
 
 
@@ -209,7 +219,7 @@ def recall(model: ArmModel, q: Floats, **asked: Floats) -> float:
     found = InverseKinematics(model).solve(poses, **asked)
     row, branch = np.nonzero(found.valid)
     assert worst_error(model, poses[row], found.q[row, branch]) < 1e-9
-    apart = np.abs(wrapped(found.q - q[:, None])).max(axis=-1)
+    apart = np.abs(wrap_angles(found.q - q[:, None])).max(axis=-1)
     return float((np.where(found.valid, apart, np.inf).min(axis=1) < 1e-6).mean())
 
 
@@ -242,7 +252,7 @@ def test_two_axes_that_meet_and_a_spherical_wrist_have_a_closed_form(
     rows: tuple[Row, ...], rng: np.random.Generator
 ) -> None:
     model = arm_of_rows(*rows)
-    assert InverseKinematics(model).solver is Solver.INTERSECTING_AXES
+    assert InverseKinematics(model).solver is InverseSolver.INTERSECTING_AXES
     q = model.random(3000, rng)
     assert recall(model, q[np.linalg.svd(model.jacobian(q), compute_uv=False)[:, -1] > 1e-4]) == 1.0
 
@@ -267,7 +277,7 @@ def test_a_search_misses_hardly_any_branch(
     rows: tuple[Row, ...], count: int, rng: np.random.Generator
 ) -> None:
     model = arm_of_rows(*rows)
-    assert InverseKinematics(model).solver is Solver.ITERATIVE
+    assert InverseKinematics(model).solver is InverseSolver.ITERATIVE
     assert recall(model, model.random(count, rng)) == 1.0
 
 

@@ -5,21 +5,22 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cellwright.engine.model.geometry import Floats, Scene
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.geometry import CollisionScene
 from cellwright.engine.ports import CollisionChecker
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
 from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import free_scene_of, scene_of
-from cellwright.kb.model.cell import Arm, Body, BodyKind, Cell, Joint, Link, MountedArm, Placement
-from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of, free_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.cell_model import Arm, Body, BodyKind, Cell, Joint, Link, MountedArm, Placement
 
 SIDE = PlacedShape(Box((0.2, 0.2, 0.2)))
-CHECKERS: list[Callable[[Scene], CollisionChecker]] = [BuiltinChecker, RegionChecker]
+CHECKERS: list[Callable[[CollisionScene], CollisionChecker]] = [BuiltinChecker, RegionChecker]
 
 
 @pytest.fixture(scope="module")
-def world() -> World:
+def world() -> GeometricWorld:
     """An arm of two joints, a block in its way, and a part."""
     joints = (Joint("shoulder"), Joint("elbow", (Pose((0.4, 0.0, 0.0)),)))
     arm = Arm("arm", joints, (Link("hand", 2, (Pose((0.4, 0.0, 0.0)),), (SIDE,)),))
@@ -28,15 +29,15 @@ def world() -> World:
         Body("part", BodyKind.PART, Placement("world", Pose((0.0, 0.0, 2.0))), (SIDE,)),
     ]
     cell = Cell("made_up", {"arm": MountedArm(arm)}, bodies={each.name: each for each in bodies})
-    return World.of(cell)
+    return GeometricWorld.of(cell)
 
 
 @pytest.mark.parametrize("make", CHECKERS)
 @pytest.mark.parametrize("shape", [(1500, 1), (1500, 3), (3,), (1500, 2, 2)])
 def test_configurations_have_a_value_for_each_joint(
-    make: Callable[[Scene], CollisionChecker], shape: tuple[int, ...], world: World
+    make: Callable[[CollisionScene], CollisionChecker], shape: tuple[int, ...], world: GeometricWorld
 ) -> None:
-    checker, wrong = make(scene_of(world)), np.zeros(shape)
+    checker, wrong = make(collision_scene_of(world)), np.zeros(shape)
     assert checker.collides(np.zeros((3, 2))).all()
     for ask in (checker.collides, checker.clearance):
         with pytest.raises(ValueError, match=r"configurations must be \(n, 2\)"):
@@ -47,7 +48,7 @@ def test_configurations_have_a_value_for_each_joint(
 
 @pytest.mark.parametrize("make", CHECKERS)
 def test_poses_of_a_free_body_are_four_by_four(
-    make: Callable[[Scene], CollisionChecker], world: World
+    make: Callable[[CollisionScene], CollisionChecker], world: GeometricWorld
 ) -> None:
     checker = make(free_scene_of(world, "part"))
     far: Floats = np.tile(np.eye(4), (3, 1, 1))

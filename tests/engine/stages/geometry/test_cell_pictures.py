@@ -15,20 +15,35 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from cellwright.engine.model.geometry import Floats, Joints, Piece
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.geometry import ConvexPiece, Joints
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
-from cellwright.engine.stages.geometry.kinematics.arms import carrier_poses
-from cellwright.engine.stages.geometry.pictures import png, svg
-from cellwright.engine.stages.geometry.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, looking_at
-from cellwright.engine.stages.geometry.pictures.gltf import document, quaternion
-from cellwright.engine.stages.geometry.pictures.labels import SIZE_PIXELS, WIDTH_PIXELS
-from cellwright.engine.stages.geometry.pictures.painting import back_to_front, doubled_area
+from cellwright.engine.stages.geometry.kinematics.arm_model import carrier_poses
+from cellwright.engine.stages.geometry.pictures import png_picture, svg_picture
+from cellwright.engine.stages.geometry.pictures.cell_view import (
+    CellView,
+    _camera_and_notes,
+    cell_view_of,
+    view_as_gltf,
+    view_as_png,
+    view_as_svg,
+)
+from cellwright.engine.stages.geometry.pictures.picture_notes import SIZE_PIXELS, WIDTH_PIXELS
+from cellwright.engine.stages.geometry.pictures.picture_surfaces import (
+    AZIMUTH_RAD,
+    ELEVATION_RAD,
+    KIND_COLOURS,
+    PictureSurface,
+    camera_for_points,
+    mesh_of,
+    scene_surfaces,
+)
 from cellwright.engine.stages.geometry.pictures.raster import fill
-from cellwright.engine.stages.geometry.pictures.surfaces import KINDS, Surface, mesh_of, surfaces
-from cellwright.engine.stages.geometry.pictures.view import View, _seen, as_gltf, as_png, as_svg, view_of
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.kb.loader import bundled
+from cellwright.engine.stages.geometry.pictures.svg_picture import back_to_front, doubled_area
+from cellwright.engine.stages.geometry.pictures.viewer_files import gltf_of_motion, quaternion_xyzw
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.kb.loader import bundled_domains
 from cellwright.kb.loader.cell import load_cell
 
 AZIMUTHS = [-60.0, 110.0, *(pytest.param(each, marks=pytest.mark.slow) for each in (20.0, 200.0))]
@@ -36,14 +51,14 @@ HITTING = "0, 45, -20, 0, 60, 0"
 
 
 @pytest.fixture(scope="module")
-def hitting() -> View:
-    return view_of(load_cell(bundled()["themse"] / "cell.yaml"), BuiltinBackend(), [HITTING])
+def hitting() -> CellView:
+    return cell_view_of(load_cell(bundled_domains()["themse"] / "cell.yaml"), BuiltinBackend(), [HITTING])
 
 
 @pytest.fixture(scope="module")
-def drawn(hitting: View) -> tuple[bytes, str]:
+def drawn(hitting: CellView) -> tuple[bytes, str]:
     """Both pictures of that cell, as PNG and as SVG."""
-    return as_png(hitting, AZIMUTH_RAD, ELEVATION_RAD), as_svg(hitting, AZIMUTH_RAD, ELEVATION_RAD)
+    return view_as_png(hitting, AZIMUTH_RAD, ELEVATION_RAD), view_as_svg(hitting, AZIMUTH_RAD, ELEVATION_RAD)
 
 
 def pixels(picture: bytes) -> Floats:
@@ -52,7 +67,7 @@ def pixels(picture: bytes) -> Floats:
 
 
 @pytest.mark.slow
-def test_a_colliding_pair_is_marked_in_both_pictures(hitting: View, drawn: tuple[bytes, str]) -> None:
+def test_a_colliding_pair_is_marked_in_both_pictures(hitting: CellView, drawn: tuple[bytes, str]) -> None:
     assert hitting.contacts
     image = pixels(drawn[0])
     assert image.shape == (720, 960, 3)
@@ -64,11 +79,13 @@ def test_a_colliding_pair_is_marked_in_both_pictures(hitting: View, drawn: tuple
     for contact in hitting.contacts:
         assert any(each.startswith(f"{contact.first} / {contact.second}: ") for each in said)
     free = resting("themse")
-    assert {each.kind for each in surfaces(free.world, scene_of(free.world), free.contacts)} == set(KINDS) - {
+    assert {
+        each.kind for each in scene_surfaces(free.world, collision_scene_of(free.world), free.contacts)
+    } == set(KIND_COLOURS) - {
         "in collision",
         "region",
     }
-    assert "in collision" not in as_svg(free, AZIMUTH_RAD, ELEVATION_RAD)
+    assert "in collision" not in view_as_svg(free, AZIMUTH_RAD, ELEVATION_RAD)
 
 
 def written(root: ElementTree.Element) -> list[str]:
@@ -78,9 +95,9 @@ def written(root: ElementTree.Element) -> list[str]:
 
 
 @functools.cache
-def resting(name: str) -> View:
+def resting(name: str) -> CellView:
     """A bundled cell with its arms at home."""
-    return view_of(load_cell(bundled()[name] / "cell.yaml"), BuiltinBackend())
+    return cell_view_of(load_cell(bundled_domains()[name] / "cell.yaml"), BuiltinBackend())
 
 
 @pytest.mark.slow
@@ -88,12 +105,12 @@ def resting(name: str) -> View:
 @pytest.mark.parametrize("azimuth", AZIMUTHS)
 def test_every_body_is_named_once_and_no_name_lies_on_another(name: str, azimuth: float) -> None:
     view = resting(name)
-    root = ElementTree.fromstring(as_svg(view, math.radians(azimuth), ELEVATION_RAD))
+    root = ElementTree.fromstring(view_as_svg(view, math.radians(azimuth), ELEVATION_RAD))
     said = sorted(each.removesuffix(" (hidden)") for each in written(root))
-    kinds = {each.kind for each in surfaces(view.world, scene_of(view.world), ())}
-    bodies = {each.partition(".")[0] for each in scene_of(view.world).bodies}
+    kinds = {each.kind for each in scene_surfaces(view.world, collision_scene_of(view.world), ())}
+    bodies = {each.partition(".")[0] for each in collision_scene_of(view.world).bodies}
     assert said == sorted([*kinds, *bodies])
-    _, _, _, notes = _seen(view, math.radians(azimuth), ELEVATION_RAD)
+    _, _, _, notes = _camera_and_notes(view, math.radians(azimuth), ELEVATION_RAD)
     for one, other in itertools.combinations(notes.labels, 2):
         left, right = sorted((one, other), key=lambda each: each.at[0])
         apart = right.at[0] - left.at[0] >= WIDTH_PIXELS * len(left.text)
@@ -124,20 +141,22 @@ def test_triangles_of_one_piece_are_not_cut() -> None:
 
 
 @pytest.mark.slow
-def test_the_same_view_gives_the_same_bytes(hitting: View, drawn: tuple[bytes, str]) -> None:
-    assert as_png(hitting, AZIMUTH_RAD, ELEVATION_RAD) == drawn[0]
-    assert as_svg(hitting, AZIMUTH_RAD, ELEVATION_RAD) == drawn[1]
-    assert as_gltf(hitting) == as_gltf(hitting)
+def test_the_same_view_gives_the_same_bytes(hitting: CellView, drawn: tuple[bytes, str]) -> None:
+    assert view_as_png(hitting, AZIMUTH_RAD, ELEVATION_RAD) == drawn[0]
+    assert view_as_svg(hitting, AZIMUTH_RAD, ELEVATION_RAD) == drawn[1]
+    assert view_as_gltf(hitting) == view_as_gltf(hitting)
 
 
 def test_what_is_nearer_hides_what_is_farther() -> None:
     square = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
     triangles = np.concatenate([square + np.array([0, 0, 1.0]), square])
-    camera = looking_at(triangles.reshape(-1, 3), (60, 60), -math.pi / 2, math.pi / 2)
+    camera = camera_for_points(triangles.reshape(-1, 3), (60, 60), -math.pi / 2, math.pi / 2)
     colours = np.array([[1.0, 0, 0]] * 2 + [[0, 0, 1.0]] * 2)
-    middle = pixels(png.draw(camera, triangles, colours))[30, 30]
+    middle = pixels(png_picture.draw_png(camera, triangles, colours))[30, 30]
     assert middle[0] > 100 > middle[2]
-    polygons = [line for line in svg.draw(camera, triangles, colours).splitlines() if "<polygon" in line]
+    polygons = [
+        line for line in svg_picture.draw_svg(camera, triangles, colours).splitlines() if "<polygon" in line
+    ]
     last = polygons[-1].split('fill="#')[1][:6]
     assert int(last[:2], 16) > 100 > int(last[4:], 16)
 
@@ -145,7 +164,7 @@ def test_what_is_nearer_hides_what_is_farther() -> None:
 @given(st.floats(-3.2, 3.2), st.floats(-1.5, 1.5), st.integers(0, 1000))
 def test_everything_is_in_the_picture(azimuth: float, elevation: float, seed: int) -> None:
     points = np.random.default_rng(seed).normal(size=(20, 3))
-    seen = looking_at(points, (300, 200), azimuth, elevation).project(points)
+    seen = camera_for_points(points, (300, 200), azimuth, elevation).project(points)
     assert (seen[:, :2] >= -1e-6).all()
     assert (seen[:, 0] <= 300 + 1e-6).all()
     assert (seen[:, 1] <= 200 + 1e-6).all()
@@ -159,7 +178,7 @@ def test_surfaces_are_closed_turned_outwards_and_lie_on_their_piece(seed: int) -
     ends = [np.zeros((1, 3)), rng.normal(size=(2, 3)), rng.normal(size=(8, 3))]
     for vertices in ends:
         radius = 0.2 if len(vertices) < 3 else 0.0
-        piece = Piece("piece", 1, T, vertices, radius)
+        piece = ConvexPiece("piece", 1, T, vertices, radius)
         points, triangles = mesh_of(piece)
         corners = points[triangles]
         volume = np.einsum("ni,ni->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
@@ -173,7 +192,7 @@ def test_surfaces_are_closed_turned_outwards_and_lie_on_their_piece(seed: int) -
 def test_a_quaternion_turns_as_its_rotation_does(seed: int, angle: float) -> None:
     axis = np.random.default_rng(seed).normal(size=3)
     R = transforms.rotation(axis / np.linalg.norm(axis), angle)
-    assert np.abs(turned(quaternion(R)) - R).max() < 1e-9
+    assert np.abs(turned(quaternion_xyzw(R)) - R).max() < 1e-9
 
 
 def turned(q: Floats) -> Floats:
@@ -239,15 +258,15 @@ class Gltf:
         return self.poses(moved)
 
 
-def test_the_nodes_of_a_gltf_stand_where_the_carriers_do(hitting: View) -> None:
-    read, world = Gltf(as_gltf(hitting)), hitting.world
+def test_the_nodes_of_a_gltf_stand_where_the_carriers_do(hitting: CellView) -> None:
+    read, world = Gltf(view_as_gltf(hitting)), hitting.world
     rest = carrier_poses(world.joints, hitting.configurations[0])
     for number in range(1, world.joints.count + 1):
         assert np.abs(read.poses()[f"carrier {number}"] - rest[number]).max() < 1e-9
     meshes = [node for node in read.content["nodes"] if "mesh" in node]
-    assert {node["name"] for node in meshes} == set(scene_of(world).bodies)
+    assert {node["name"] for node in meshes} == set(collision_scene_of(world).bodies)
     colours = [m["pbrMetallicRoughness"]["baseColorFactor"][:3] for m in read.content["materials"]]
-    assert list(KINDS["in collision"]) in colours
+    assert list(KIND_COLOURS["in collision"]) in colours
     assert read.content["asset"]["version"] == "2.0"
 
 
@@ -260,10 +279,10 @@ def test_a_motion_passes_through_every_configuration_and_interpolates_joints() -
         np.full(3, -7.0),
         np.full(3, 7.0),
     )
-    shown = [Surface("tip", 3, np.eye(3), np.array([[0, 1, 2]]), (0.5, 0.5, 0.5))]
+    shown = [PictureSurface("tip", 3, np.eye(3), np.array([[0, 1, 2]]), (0.5, 0.5, 0.5))]
     passed = np.array([[0.0, 0.0, 0.0], [6.0, -1.0, 0.5], [-1.0, 2.5, 0.0]])
     times = np.array([0.0, 2.0, 3.0])
-    read = Gltf(document(shown, joints, times, passed))
+    read = Gltf(gltf_of_motion(shown, joints, times, passed))
     for time_s in np.linspace(0.0, 3.0, 13):
         q = np.array([np.interp(time_s, times, passed[:, k]) for k in range(3)])
         expected = carrier_poses(joints, q)[-1]
@@ -272,4 +291,4 @@ def test_a_motion_passes_through_every_configuration_and_interpolates_joints() -
 
 def test_one_configuration_is_a_scene_without_motion() -> None:
     still = resting("themse")
-    assert "animations" not in json.loads(as_gltf(still))
+    assert "animations" not in json.loads(view_as_gltf(still))

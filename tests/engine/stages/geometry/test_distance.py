@@ -8,14 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.kernels.geometry.distance import Separations
 from cellwright.engine.kernels.geometry.room import Room
 from cellwright.engine.kernels.geometry.segments import segment_block_gap, segment_gap
-from cellwright.engine.model.geometry import Floats, Piece
-from cellwright.engine.stages.geometry.collision.reference import signed_distance
-from cellwright.engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
-from cellwright.engine.stages.geometry.shapes.packing import pack
-from cellwright.engine.stages.geometry.transforms import rotation
+from cellwright.engine.kernels.rigid import rotation
+from cellwright.engine.model.geometry import ConvexPiece
+from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
+from cellwright.engine.stages.geometry.shapes.convex_pieces import pack_pieces
+from cellwright.engine.stages.geometry.shapes.hulls import FlatError, hull_planes, hull_triangles
 
 kinds = st.sampled_from(["point", "segment", "block", "cloud", "plate"])
 seeds = st.integers(0, 2**32 - 1)
@@ -44,8 +45,8 @@ def compiled(first: Floats, second: Floats, radii: tuple[float, float] = (0.0, 0
     return found, separations.found
 
 
-def standing(*pieces: Piece) -> Room:
-    return Room(pack(pieces), np.empty((0, 1, 3, 4)))
+def standing(*pieces: ConvexPiece) -> Room:
+    return Room(pack_pieces(pieces), np.empty((0, 1, 3, 4)))
 
 
 @settings(max_examples=150, deadline=None)
@@ -96,7 +97,7 @@ def test_moving_by_the_depth_along_the_normal_parts_two_bodies(one: str, other: 
 def test_segments_have_a_formula_of_their_own(one: str, other: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     first, second = body(one, rng), body(other, rng)
-    pieces = [Piece("", 0, np.eye(4), vertices, 0.0) for vertices in (first, second)]
+    pieces = [ConvexPiece("", 0, np.eye(4), vertices, 0.0) for vertices in (first, second)]
     gap = segment_gap(standing(*pieces), 0, 1)
     assert math.isclose(math.sqrt(gap), max(0.0, compiled(first, second)[0]), abs_tol=1e-7)
 
@@ -111,8 +112,8 @@ def test_segments_and_blocks_have_a_formula_of_their_own(one: str, seed: int) ->
     pose[:3, :3] = rotation(axis / np.linalg.norm(axis), 1.0)
     corners = np.array(list(product((-1, 1), repeat=3))) * half
     middle = rng.normal(size=3) * 0.2
-    block = Piece("", 0, pose, corners + middle, 0.0, box=True)
-    gap = segment_block_gap(standing(Piece("", 0, np.eye(4), segment, 0.0), block), 0, 1)
+    block = ConvexPiece("", 0, pose, corners + middle, 0.0, box=True)
+    gap = segment_block_gap(standing(ConvexPiece("", 0, np.eye(4), segment, 0.0), block), 0, 1)
     plain = signed_distance(segment, (corners + middle) @ pose[:3, :3].T)
     assert math.isclose(math.sqrt(gap), max(0.0, plain), abs_tol=1e-7)
 
@@ -122,7 +123,7 @@ def test_segments_and_blocks_have_a_formula_of_their_own(one: str, seed: int) ->
 def test_all_points_are_within_their_hull_and_its_surface_is_closed(seed: int, count: int) -> None:
     points = np.random.default_rng(seed).normal(size=(count, 3))
     triangles = hull_triangles(points)
-    normals, offsets = planes(points, triangles)
+    normals, offsets = hull_planes(points, triangles)
     assert (points @ normals.T - offsets).max() < 1e-9
     edges = {(int(t[i]), int(t[(i + 1) % 3])) for t in triangles for i in range(3)}
     assert len(edges) == 3 * len(triangles)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.geometry.kinematics.arms import ArmModel, wrapped
-from cellwright.engine.stages.geometry.kinematics.inverse import InverseKinematics
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel, wrap_angles
+from cellwright.engine.stages.geometry.kinematics.inverse_kinematics import InverseKinematics
 
 eaik = pytest.importorskip("eaik.IK_HP", reason="a tool for comparison")
 
@@ -29,7 +29,7 @@ def test_every_exact_answer_of_the_oracle_is_among_ours(model: ArmModel, rng: np
         target[:3, :3] = pose[:3, :3] @ solver.T_zero[:3, :3].T
         theirs = exact(model, pose, np.array(robot.IK(target).Q).reshape(-1, 6))
         assert len(theirs)
-        assert np.abs(wrapped(ours[:, None] - theirs)).max(axis=-1).min(axis=0).max() < 1e-5
+        assert np.abs(wrap_angles(ours[:, None] - theirs)).max(axis=-1).min(axis=0).max() < 1e-5
 
 
 def exact(model: ArmModel, pose: Floats, q: Floats) -> Floats:

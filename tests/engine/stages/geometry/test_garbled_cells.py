@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
-from cellwright.engine.stages.geometry.reach.checking import check_cell
-from cellwright.kb.diagnostics import CODES
-from cellwright.kb.loader import bundled, load_domain
-from cellwright.kb.model.domain import Domain
+from cellwright.engine.stages.geometry.reach.cell_check import check_cell
+from cellwright.kb.diagnostics import DIAGNOSTIC_CODES
+from cellwright.kb.loader import bundled_domains, load_domain
+from cellwright.kb.model.domain_model import Domain
 
-TEXTS = {name: (bundled()[name] / "cell.yaml").read_text("utf-8") for name in ("themse", "bulkhead")}
+TEXTS = {name: (bundled_domains()[name] / "cell.yaml").read_text("utf-8") for name in ("themse", "bulkhead")}
 WORDS = re.compile(r"[A-Za-z_0-9.]+")
 ODD = ["", "0", "-1", "1e9", "nan", "inf", "1e-300", "''", "[]", "{}", "true", "world", "table", "9" * 30]
 
@@ -50,7 +50,7 @@ def test_a_garbled_cell_is_told_and_never_makes_the_check_stumble(
     file: Path = tmp_path_factory.mktemp("garbled") / "cell.yaml"
     file.write_text(text, "utf-8")
     found = check_cell(file, domains[name], BuiltinBackend)
-    assert all(each.code in CODES and each.message for each in found)
+    assert all(each.code in DIAGNOSTIC_CODES and each.message for each in found)
     assert all(each.where.path.endswith((".yaml", ".urdf")) for each in found)
 
 

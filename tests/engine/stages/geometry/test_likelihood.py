@@ -4,15 +4,25 @@ import numpy as np
 import pytest
 
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
-from cellwright.engine.stages.geometry.collision.likelihood import SAMPLES, touchable
-from cellwright.engine.stages.geometry.shapes.packing import bounded
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.kb.loader import bundled
-from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.engine.stages.geometry.collision.region_checker import POSE_SAMPLES, touchable_pairs
+from cellwright.engine.stages.geometry.shapes.convex_pieces import pack_with_bounds
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.kb.loader import bundled_domains
+from cellwright.kb.loader.arm_file import bundled_arms, load_arm
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.model.cell import Arm, Body, BodyKind, Cell, Joint, JointKind, Link, MountedArm, Placement
-from cellwright.kb.model.shapes import Box, PlacedShape, Pose, Sphere
+from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose, Sphere
+from cellwright.kb.model.cell_model import (
+    Arm,
+    Body,
+    BodyKind,
+    Cell,
+    Joint,
+    JointKind,
+    Link,
+    MountedArm,
+    Placement,
+)
 
 
 def cell_of(*arms: MountedArm) -> Cell:
@@ -38,20 +48,22 @@ def gantry() -> Arm:
 
 UR5 = load_arm(bundled_arms()["ur5"])
 WORLDS = {
-    "one arm": World.of(cell_of(MountedArm(UR5))),
-    "two arms": World.of(
+    "one arm": GeometricWorld.of(cell_of(MountedArm(UR5))),
+    "two arms": GeometricWorld.of(
         cell_of(MountedArm(UR5), MountedArm(UR5, Placement("world", Pose((1.2, 0.0, 0.0)))))
     ),
-    "an arm on a slide": World.of(cell_of(MountedArm(gantry()), MountedArm(UR5, Placement("arm_0.flange")))),
-    "themse": World.of(load_cell(bundled()["themse"] / "cell.yaml")),
+    "an arm on a slide": GeometricWorld.of(
+        cell_of(MountedArm(gantry()), MountedArm(UR5, Placement("arm_0.flange")))
+    ),
+    "themse": GeometricWorld.of(load_cell(bundled_domains()["themse"] / "cell.yaml")),
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WORLDS)
 def test_pairs_that_are_left_out_never_touch(name: str) -> None:
-    scene = scene_of(WORLDS[name])
-    kept = touchable(scene, bounded(scene)[0])
+    scene = collision_scene_of(WORLDS[name])
+    kept = touchable_pairs(scene, pack_with_bounds(scene)[0])
     assert 0 < kept.sum() < len(kept)
     joints = scene.joints
     q = np.random.default_rng(3).uniform(joints.lower, joints.upper, (3000, joints.count))
@@ -65,18 +77,18 @@ def test_pairs_that_are_left_out_never_touch(name: str) -> None:
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_answers_do_not_depend_on_the_size_of_the_batch(name: str) -> None:
-    scene = scene_of(WORLDS[name])
+    scene = collision_scene_of(WORLDS[name])
     joints = scene.joints
-    q = np.random.default_rng(4).uniform(joints.lower, joints.upper, (2 * SAMPLES, joints.count))
+    q = np.random.default_rng(4).uniform(joints.lower, joints.upper, (2 * POSE_SAMPLES, joints.count))
     large, small = BuiltinChecker(scene).collides(q), BuiltinChecker(scene)
     assert np.array_equal(large, np.concatenate([small.collides(part) for part in np.split(q, 8)]))
 
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_the_pair_that_is_told_touches(name: str) -> None:
-    scene = scene_of(WORLDS[name])
+    scene = collision_scene_of(WORLDS[name])
     checker, joints = BuiltinChecker(scene), scene.joints
-    q = np.random.default_rng(5).uniform(joints.lower, joints.upper, (SAMPLES + 100, joints.count))
+    q = np.random.default_rng(5).uniform(joints.lower, joints.upper, (POSE_SAMPLES + 100, joints.count))
     told = checker.first_contacts(q)
     assert (told >= 0).any()
     for n in np.nonzero(told >= 0)[0][:100]:

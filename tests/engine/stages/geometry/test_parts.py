@@ -11,15 +11,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.geometry import Floats, Longs
+from cellwright.engine.kernels.arrays import Floats, Longs
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.collision.reference import signed_distance
+from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
 from cellwright.engine.stages.geometry.shapes import meshes
-from cellwright.engine.stages.geometry.shapes.hull import hull_triangles, planes
-from cellwright.engine.stages.geometry.shapes.meshes import TriangleMesh, components, read_mesh
-from cellwright.engine.stages.geometry.shapes.parts import Core, check_polyhedron, cores, features
+from cellwright.engine.stages.geometry.shapes.hulls import hull_planes, hull_triangles
+from cellwright.engine.stages.geometry.shapes.meshes import TriangleMesh, mesh_components, read_mesh
+from cellwright.engine.stages.geometry.shapes.part_shapes import (
+    ConvexCore,
+    check_polyhedron,
+    shape_cores,
+    shape_features,
+)
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.shapes import (
+from cellwright.kb.model.body_shapes import (
     Box,
     Cylinder,
     Edge,
@@ -45,12 +50,12 @@ CUBE = np.array(list(product((0.0, 1.0), repeat=3)))
 CUBE_TRIANGLES = hull_triangles(CUBE)
 
 
-def contains(core: Core, points: Floats, slack: float = 1e-9) -> Floats:
+def contains(core: ConvexCore, points: Floats, slack: float = 1e-9) -> Floats:
     """Which points a core holds, by its planes or its segment."""
     if len(core.vertices) <= 2:
         low, high = core.vertices.min(axis=0), core.vertices.max(axis=0)
         return np.linalg.norm(points - points.clip(low, high), axis=1) <= core.radius_m + slack
-    normals, offsets = planes(core.vertices, hull_triangles(core.vertices))
+    normals, offsets = hull_planes(core.vertices, hull_triangles(core.vertices))
     return (points @ normals.T - offsets).max(axis=1) <= slack
 
 
@@ -65,9 +70,9 @@ def test_shapes_hold_what_their_definition_does(a: float, b: float, c: float) ->
         (Tube(a, b), np.hypot(round_, (z - b / 2).clip(min=0)) <= a),
     ]
     for shape, expected in inside:
-        (core,) = cores(shape)
+        (core,) = shape_cores(shape)
         assert np.array_equal(contains(core, points), expected)
-    (prism,) = cores(Cylinder(a, b))
+    (prism,) = shape_cores(Cylinder(a, b))
     held = contains(prism, points)
     assert held[(round_ <= a) & (z <= b / 2)].all()
     assert not held[(round_ > 1.02 * a) | (z > b / 2 + 1e-9)].any()
@@ -77,7 +82,7 @@ def test_shapes_hold_what_their_definition_does(a: float, b: float, c: float) ->
 @given(st.lists(st.lists(st.floats(0.1, 1.0), min_size=3, max_size=3), min_size=3, max_size=3))
 def test_a_height_field_holds_what_is_below_its_surface(heights: list[list[float]]) -> None:
     field = HeightField((0.5, 0.25), tuple(map(tuple, heights)), -0.2)
-    pieces = cores(field)
+    pieces = shape_cores(field)
     assert len(pieces) == 2 * 4
     for row, column in product(range(3), range(3)):
         top = np.array([[0.5 * column, 0.25 * row, heights[row][column]]])
@@ -88,7 +93,7 @@ def test_a_height_field_holds_what_is_below_its_surface(heights: list[list[float
 
 
 def test_a_point_set_is_a_ball_for_each_point() -> None:
-    found = cores(PointSet(((0, 0, 0), (1, 0, 0)), 0.1))
+    found = shape_cores(PointSet(((0, 0, 0), (1, 0, 0)), 0.1))
     assert [core.radius_m for core in found] == [0.1, 0.1]
     assert [core.vertices.tolist() for core in found] == [[[0, 0, 0]], [[1, 0, 0]]]
 
@@ -97,7 +102,7 @@ def test_a_point_set_is_a_ball_for_each_point() -> None:
 def test_a_block_has_six_named_faces_twelve_edges_and_eight_vertices(
     size: tuple[float, float, float], pose: Pose
 ) -> None:
-    found = features(PlacedShape(Box(size), pose))
+    found = shape_features(PlacedShape(Box(size), pose))
     assert (len(found.faces), len(found.edges), len(found.vertices)) == (6, 12, 8)
     T = transforms.of_pose(pose)
     for name, axis, side in (("right", 0, 1), ("left", 0, -1), ("top", 2, 1), ("front", 1, -1)):
@@ -121,7 +126,7 @@ def wedge(**changed: object) -> Polyhedron:
 
 
 def test_a_polyhedron_keeps_its_names() -> None:
-    found = features(PlacedShape(wedge()))
+    found = shape_features(PlacedShape(wedge()))
     assert found.faces["floor"].normal.tolist() == [0, 0, -1]
     assert np.abs(found.faces["slope"].normal - 1 / math.sqrt(3)).max() < 1e-12
     assert found.edges["ridge"].tolist() == [[0, 1, 0], [0, 0, 1]]
@@ -146,9 +151,9 @@ def test_a_face_that_is_none_is_told(face: Face, said: str) -> None:
 def test_a_polyhedron_without_volume_is_refused() -> None:
     flat = Polyhedron({"a": (0, 0, 0), "b": (1, 0, 0), "c": (0, 1, 0), "d": (1, 1, 0)})
     with pytest.raises(InvalidInput, match="no volume"):
-        cores(flat)
+        shape_cores(flat)
     with pytest.raises(InvalidInput, match="no volume"):
-        cores(wedge(pieces=(("a", "b", "c"),)))
+        shape_cores(wedge(pieces=(("a", "b", "c"),)))
 
 
 def binary_stl(triangles: Floats) -> bytes:
@@ -191,15 +196,15 @@ def test_the_same_mesh_is_read_from_every_format(name: str, tmp_path: Path) -> N
     mesh = read_mesh(tmp_path / name)
     assert is_closed(mesh)
     assert sorted(map(tuple, mesh.vertices)) == sorted(map(tuple, CUBE))
-    (core,) = cores(Mesh(str(tmp_path / name), (2.0, 1.0, 0.5)))
+    (core,) = shape_cores(Mesh(str(tmp_path / name), (2.0, 1.0, 0.5)))
     assert core.vertices.max(axis=0).tolist() == [2.0, 1.0, 0.5]
 
 
 def test_each_connected_component_is_a_convex_piece(tmp_path: Path) -> None:
     both = np.concatenate([CUBE, CUBE + np.array([3, 0, 0])])
     (tmp_path / "two.obj").write_bytes(obj(both, np.concatenate([CUBE_TRIANGLES, CUBE_TRIANGLES + 8])))
-    assert len(components(read_mesh(tmp_path / "two.obj"))) == 2
-    assert [core.vertices[:, 0].max() for core in cores(Mesh(str(tmp_path / "two.obj")))] == [1.0, 4.0]
+    assert len(mesh_components(read_mesh(tmp_path / "two.obj"))) == 2
+    assert [core.vertices[:, 0].max() for core in shape_cores(Mesh(str(tmp_path / "two.obj")))] == [1.0, 4.0]
 
 
 def test_triangles_without_area_and_repeated_vertices_do_no_harm(tmp_path: Path) -> None:
@@ -232,15 +237,15 @@ BROKEN = {
 def test_a_mesh_that_encloses_nothing_is_told(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(BROKEN[name])
     with pytest.raises(InvalidInput) as error:
-        cores(Mesh(str(tmp_path / name)))
+        shape_cores(Mesh(str(tmp_path / name)))
     assert {each.code for each in error.value.diagnostics} == {"K702"}
     assert all(each.hint for each in error.value.diagnostics)
 
 
-def read(path: Path) -> list[Core] | set[str]:
+def read(path: Path) -> list[ConvexCore] | set[str]:
     """The pieces, or the codes of what is wrong."""
     try:
-        return cores(Mesh(str(path)))
+        return shape_cores(Mesh(str(path)))
     except InvalidInput as error:
         return {each.code for each in error.diagnostics}
 
@@ -271,7 +276,7 @@ def channel() -> tuple[Floats, Longs]:
     return vertices, np.array(faces)
 
 
-def apart(pieces: list[Core], point: Floats) -> float:
+def apart(pieces: list[ConvexCore], point: Floats) -> float:
     return min(signed_distance(point[None], piece.vertices) for piece in pieces)
 
 
@@ -283,10 +288,10 @@ def test_a_mesh_that_is_not_convex_leaves_its_hollow_free(
     if with_coacd:
         pytest.importorskip("coacd", reason="an extra")
     else:
-        monkeypatch.setattr(meshes, "decomposer", lambda: False)
+        monkeypatch.setattr(meshes, "has_decomposer", lambda: False)
     path = tmp_path / f"channel_{with_coacd}.obj"
     path.write_bytes(obj(*channel()))
-    pieces = cores(Mesh(str(path)))
+    pieces = shape_cores(Mesh(str(path)))
     assert apart(pieces, np.array([1.5, 2.0, 0.5])) > 0.3
     for inside in ([1.5, 0.99, 0.5], [0.01, 1.5, 0.5], [2.99, 2.5, 0.5]):
         assert apart(pieces, np.array(inside)) < 0.02
@@ -300,7 +305,7 @@ def test_a_collada_file_is_read_in_its_own_unit(tmp_path: Path) -> None:
     inches = text.replace(b"<up_axis>", b'<unit name="inch" meter="0.0254"/><up_axis>')
     (tmp_path / "inches.dae").write_bytes(inches)
     for name, unit in (("metres.dae", 1.0), ("inches.dae", 0.0254)):
-        (core,) = cores(Mesh(str(tmp_path / name)))
+        (core,) = shape_cores(Mesh(str(tmp_path / name)))
         assert np.allclose(np.sort(np.ptp(core.vertices, axis=0)), unit * np.array([1.0, 2.0, 3.0]))
 
 
@@ -313,17 +318,17 @@ def test_a_mesh_scaled_to_nothing_or_beyond_all_cells_is_told(
 ) -> None:
     (tmp_path / "part.obj").write_bytes(FILES["part.obj"])
     with pytest.raises(InvalidInput, match=said):
-        cores(Mesh(str(tmp_path / "part.obj"), (1.0, factor, 1.0)))
+        shape_cores(Mesh(str(tmp_path / "part.obj"), (1.0, factor, 1.0)))
 
 
 def test_a_mesh_of_which_the_numbers_are_huge_is_told(tmp_path: Path) -> None:
     (tmp_path / "part.obj").write_bytes(obj(CUBE * 1e30, CUBE_TRIANGLES))
     with pytest.raises(InvalidInput, match="endless"):
-        cores(Mesh(str(tmp_path / "part.obj")))
+        shape_cores(Mesh(str(tmp_path / "part.obj")))
 
 
 def test_a_flat_height_field_is_told() -> None:
     for heights, floor in ((0.0, 0.0), (0.2, 0.2), (-0.1, 0.0)):
         with pytest.raises(InvalidInput, match="no volume"):
-            cores(HeightField((0.1, 0.1), ((heights,) * 3,) * 2, floor))
-    assert len(cores(HeightField((0.1, 0.1), ((0.2,) * 3,) * 2, 0.0))) == 4
+            shape_cores(HeightField((0.1, 0.1), ((heights,) * 3,) * 2, floor))
+    assert len(shape_cores(HeightField((0.1, 0.1), ((0.2,) * 3,) * 2, 0.0))) == 4

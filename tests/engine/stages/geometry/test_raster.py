@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.engine.model.geometry import Floats
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.stages.geometry.pictures.raster import fill, nearest
 
 

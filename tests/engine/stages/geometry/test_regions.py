@@ -9,22 +9,31 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.geometry import Floats, Piece
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.model.geometry import ConvexPiece
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend, BuiltinChecker
-from cellwright.engine.stages.geometry.collision.likelihood import SAMPLES, settling
-from cellwright.engine.stages.geometry.collision.reference import signed_distance
-from cellwright.engine.stages.geometry.collision.region_checker import RegionChecker
-from cellwright.engine.stages.geometry.regions.hierarchies import declared_tree, nested_boxes
-from cellwright.engine.stages.geometry.regions.tree import OutsideError, RegionTree, TreeRegion
-from cellwright.engine.stages.geometry.shapes.coverage import Covered, Hole, covering
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.kb.loader import bundled
-from cellwright.kb.loader.arm import bundled_arms, load_arm
+from cellwright.engine.stages.geometry.collision.reference_distances import signed_distance
+from cellwright.engine.stages.geometry.collision.region_checker import (
+    POSE_SAMPLES,
+    RegionChecker,
+    decisive_pairs,
+)
+from cellwright.engine.stages.geometry.region_tree import (
+    OutsideError,
+    RegionTree,
+    TreeRegion,
+    declared_tree,
+    nested_boxes,
+)
+from cellwright.engine.stages.geometry.shapes.hulls import CoveredPiece, UncoveredPoint, cover_piece
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.kb.loader import bundled_domains
+from cellwright.kb.loader.arm_file import bundled_arms, load_arm
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.model.cell import Body, BodyKind, Cell, MountedArm
-from cellwright.kb.model.shapes import PlacedShape, PointSet
+from cellwright.kb.model.body_shapes import PlacedShape, PointSet
+from cellwright.kb.model.cell_model import Body, BodyKind, Cell, MountedArm
 
 seeds = st.integers(0, 2**32 - 1)
 CUBE = np.array(list(product((-0.5, 0.5), repeat=3)))
@@ -37,19 +46,19 @@ def turned(rng: np.random.Generator, at: Floats) -> Floats:
     )
 
 
-def sphere(name: str, at: Floats, radius: float) -> Piece:
-    return Piece(name, 0, transforms.transform(np.eye(3), at), np.zeros((1, 3)), radius)
+def sphere(name: str, at: Floats, radius: float) -> ConvexPiece:
+    return ConvexPiece(name, 0, transforms.transform(np.eye(3), at), np.zeros((1, 3)), radius)
 
 
-def box(name: str, T: Floats, size: Floats | float) -> Piece:
-    return Piece(name, 0, T, CUBE * size, 0.0, box=True)
+def box(name: str, T: Floats, size: Floats | float) -> ConvexPiece:
+    return ConvexPiece(name, 0, T, CUBE * size, 0.0, box=True)
 
 
-def tube(name: str, T: Floats, length: float, radius: float) -> Piece:
-    return Piece(name, 0, T, np.array([[0, 0, -length / 2], [0, 0, length / 2]]), radius)
+def tube(name: str, T: Floats, length: float, radius: float) -> ConvexPiece:
+    return ConvexPiece(name, 0, T, np.array([[0, 0, -length / 2], [0, 0, length / 2]]), radius)
 
 
-def any_piece(name: str, rng: np.random.Generator, spread: float = 1.0, size: float = 0.4) -> Piece:
+def any_piece(name: str, rng: np.random.Generator, spread: float = 1.0, size: float = 0.4) -> ConvexPiece:
     T = turned(rng, rng.uniform(-spread, spread, 3))
     kind = rng.integers(4)
     if kind == 0:
@@ -58,7 +67,7 @@ def any_piece(name: str, rng: np.random.Generator, spread: float = 1.0, size: fl
         return tube(name, T, float(rng.uniform(0.05, size)), float(rng.uniform(0.02, size / 3)))
     if kind == 2:
         return box(name, T, rng.uniform(0.05, size, 3))
-    return Piece(name, 0, T, rng.normal(size=(int(rng.integers(4, 9)), 3)) * size / 3, 0.0)
+    return ConvexPiece(name, 0, T, rng.normal(size=(int(rng.integers(4, 9)), 3)) * size / 3, 0.0)
 
 
 def random_tree(rng: np.random.Generator, count: int = 12) -> RegionTree:
@@ -80,20 +89,20 @@ def solids(tree: RegionTree) -> list[TreeRegion]:
     return [region for region in tree.regions.values() if region.solid]
 
 
-def far(first: Piece, second: Piece, by: float) -> bool:
+def far(first: ConvexPiece, second: ConvexPiece, by: float) -> bool:
     """Whether balls around the frames of two pieces are: then the plain reference need not be asked."""
     reach = [float(np.linalg.norm(each.vertices, axis=1).max()) + each.radius_m for each in (first, second)]
     apart = float(np.linalg.norm(first.T_carrier_piece[:3, 3] - second.T_carrier_piece[:3, 3]))
     return apart > sum(reach) + by
 
 
-def distance(first: Piece, second: Piece) -> float:
+def distance(first: ConvexPiece, second: ConvexPiece) -> float:
     """By the plain reference."""
     placed = [transforms.apply(each.T_carrier_piece, each.vertices) for each in (first, second)]
     return signed_distance(*placed) - first.radius_m - second.radius_m
 
 
-def flat(tree: RegionTree, query: Piece, within: float = 0.0) -> dict[str, float]:
+def flat(tree: RegionTree, query: ConvexPiece, within: float = 0.0) -> dict[str, float]:
     """The nearest of each body by the flat list."""
     found: dict[str, float] = {}
     for region in solids(tree):
@@ -119,7 +128,7 @@ def test_points_and_segments_are_answered_as_by_the_flat_list(seed: int) -> None
         assert hits == tuple(sorted(flat(tree, sphere("", point, 0.0))))
     for start, end in rng.uniform(-1.5, 1.5, (5, 2, 3)):
         radius = float(rng.choice([0.0, 0.05]))
-        query = Piece("", 0, np.eye(4), np.stack([start, end]), radius)
+        query = ConvexPiece("", 0, np.eye(4), np.stack([start, end]), radius)
         assert tree.hits([query]) == [tuple(sorted(flat(tree, query)))]
 
 
@@ -129,7 +138,9 @@ def test_a_body_that_flies_free_is_answered_as_by_the_flat_list(seed: int) -> No
     rng = np.random.default_rng(seed)
     tree, pieces = random_tree(rng), [any_piece("gripper", rng, 0.1) for _ in range(2)]
     T = turned(rng, rng.uniform(-1, 1, 3))
-    placed = [Piece("gripper", 0, T @ each.T_carrier_piece, each.vertices, each.radius_m) for each in pieces]
+    placed = [
+        ConvexPiece("gripper", 0, T @ each.T_carrier_piece, each.vertices, each.radius_m) for each in pieces
+    ]
     assert tree.hits(placed) == [tuple(sorted(flat(tree, each))) for each in placed]
     within = 0.1
     plain: dict[str, float] = {}
@@ -216,7 +227,7 @@ def test_a_region_that_reaches_out_of_its_ancestors_is_refused_at_a_point_of_it(
 def test_what_is_covered_has_no_point_outside_and_a_hole_is_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
     piece, others = any_piece("piece", rng, 0.2), [any_piece(f"o{n}", rng, 0.4, 1.5) for n in range(4)]
-    answer = covering(piece, others)
+    answer = cover_piece(piece, others)
     corners = transforms.apply(piece.T_carrier_piece, piece.vertices)
     weights = rng.dirichlet(np.ones(len(corners)), 40)
     ball = rng.normal(size=(40, 3))
@@ -225,10 +236,10 @@ def test_what_is_covered_has_no_point_outside_and_a_hole_is_one(seed: int) -> No
     def away(point: Floats) -> float:
         return min(distance(sphere("", point, 0.0), other) for other in others)
 
-    if isinstance(answer, Covered):
+    if isinstance(answer, CoveredPiece):
         assert max(map(away, points)) <= answer.slack_m + 1e-9
     else:
-        assert isinstance(answer, Hole)
+        assert isinstance(answer, UncoveredPoint)
         assert distance(sphere("", answer.point, 0.0), piece) <= 0
         assert away(answer.point) > 0
 
@@ -243,7 +254,7 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="own ancestor"):
         tree.attached([TreeRegion("small", small, ("other",)), TreeRegion("other", small, ("small",))])
     with pytest.raises(ValueError, match="does not stand"):
-        tree.attached([TreeRegion("moving", Piece("moving", 1, np.eye(4), np.zeros((1, 3)), 0.1))])
+        tree.attached([TreeRegion("moving", ConvexPiece("moving", 1, np.eye(4), np.zeros((1, 3)), 0.1))])
     with pytest.raises(KeyError):
         tree.detached("small")
 
@@ -256,7 +267,7 @@ def test_a_tree_without_regions_is_never_hit() -> None:
 
 @pytest.mark.parametrize("name", ["themse", "bulkhead"])
 def test_regions_of_the_bundled_cells_lie_in_their_parents(name: str) -> None:
-    tree, outside = declared_tree(World.of(load_cell(bundled()[name] / "cell.yaml")))
+    tree, outside = declared_tree(GeometricWorld.of(load_cell(bundled_domains()[name] / "cell.yaml")))
     assert tree.regions
     assert not outside
 
@@ -264,8 +275,8 @@ def test_regions_of_the_bundled_cells_lie_in_their_parents(name: str) -> None:
 @pytest.mark.parametrize("name", ["themse", "bulkhead"])
 def test_arm_configurations_are_answered_as_by_the_flat_list(name: str) -> None:
     """Self-collision and cell at once."""
-    world = World.of(load_cell(bundled()[name] / "cell.yaml"))
-    scene = scene_of(world)
+    world = GeometricWorld.of(load_cell(bundled_domains()[name] / "cell.yaml"))
+    scene = collision_scene_of(world)
     q = next(iter(world.models.values())).random(1000, np.random.default_rng(7))
     by_tree, by_list = RegionChecker(scene), BuiltinChecker(scene)
     assert by_list.collides(q).any()
@@ -288,8 +299,10 @@ def test_arm_configurations_are_answered_as_by_the_flat_list(name: str) -> None:
 def test_many_standing_pieces_become_a_tree() -> None:
     dust = PointSet(tuple(map(tuple, np.random.default_rng(1).uniform(-1, 1, (200, 3)))), 0.01)
     body = Body("dust", BodyKind.FIXTURE, shapes=(PlacedShape(dust),))
-    scene = scene_of(
-        World.of(Cell("dusty", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}, bodies={"dust": body}))
+    scene = collision_scene_of(
+        GeometricWorld.of(
+            Cell("dusty", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}, bodies={"dust": body})
+        )
     )
     checker = BuiltinBackend().checker(scene)
     assert isinstance(checker, RegionChecker)
@@ -336,13 +349,13 @@ def test_a_change_of_one_region_writes_rows_for_the_way_to_it_alone() -> None:
 @pytest.mark.parametrize("spread", [0.5, 3.0, 6.0])
 def test_two_thousand_scattered_bodies_are_answered_as_pairs_are(spread: float) -> None:
     rng = np.random.default_rng(4)
-    world = World.of(Cell("bare", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}))
-    own = scene_of(world)
+    world = GeometricWorld.of(Cell("bare", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}))
+    own = collision_scene_of(world)
     standing = [any_piece(f"s{n}", rng, spread, 0.1) for n in range(2000)]
     moving = [n for n, piece in enumerate(own.pieces) if piece.carrier]
     cross = np.array(list(product(moving, range(len(own.pieces), len(own.pieces) + 2000))))
     scene = replace(own, pieces=(*own.pieces, *standing), pairs=np.concatenate([own.pairs, cross]))
-    q = world.models["ur5"].random(SAMPLES + 100, rng)
+    q = world.models["ur5"].random(POSE_SAMPLES + 100, rng)
     by_tree, by_list = RegionChecker(scene), BuiltinChecker(scene)
     assert np.array_equal(by_tree.collides(q), by_list.collides(q))
     assert np.array_equal(by_tree.collides(q[:200]), by_list.collides(q[:200]))
@@ -364,7 +377,7 @@ def test_what_is_tried_first_is_what_settles_most_of_the_poses_that_are_left() -
     """One pair touches in 500 of 512 poses; a second one only in those; a third one in eight of the rest."""
     poses = [(np.arange(500), (2, 7)), (np.arange(400), (3, 1)), (np.arange(498, 508), (0, 4))]
     hits = np.concatenate([np.column_stack([n, np.full((len(n), 2), pair)]) for n, pair in poses])
-    assert settling(hits).tolist() == [[2, 7], [0, 4]]
-    assert settling(hits[:0]).shape == (0, 2)
-    rare = np.column_stack([np.arange(SAMPLES), np.arange(SAMPLES), np.arange(SAMPLES)])
-    assert settling(rare).shape == (0, 2)
+    assert decisive_pairs(hits).tolist() == [[2, 7], [0, 4]]
+    assert decisive_pairs(hits[:0]).shape == (0, 2)
+    rare = np.column_stack([np.arange(POSE_SAMPLES), np.arange(POSE_SAMPLES), np.arange(POSE_SAMPLES)])
+    assert decisive_pairs(rare).shape == (0, 2)

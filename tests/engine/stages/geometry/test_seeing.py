@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cellwright.engine.model.geometry import Floats
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.reach.seeing import Seeing
-from cellwright.engine.stages.geometry.world.model import World
+from cellwright.engine.stages.geometry.reach.scanner_view import ScannerSight
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
 from cellwright.kb.loader.cell import cell_of
-from cellwright.kb.model.cell import Body, BodyKind, Cell, Place, Placement, Sight
-from cellwright.kb.model.shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.body_shapes import Box, PlacedShape, Pose
+from cellwright.kb.model.cell_model import Body, BodyKind, Cell, Place, Placement, Sight
 
 RAYS = 21  # on each side of the patch
 EYE = np.array([0.03, -0.02, 0.39])
@@ -28,9 +28,9 @@ def bare() -> Cell:
     return replace(whole, bodies={**kept, "slra": slra}, regions={}, locations=(), places={})
 
 
-def seeing(cell: Cell, **how: object) -> Seeing:
+def seeing(cell: Cell, **how: object) -> ScannerSight:
     sight = replace(Sight(("eye",), (0.1, 2.0), np.pi / 2), **how)
-    return Seeing(World.of(cell), "t3_746", "slra", cell.measuring["slra"], sight)
+    return ScannerSight(GeometricWorld.of(cell), "t3_746", "slra", cell.measuring["slra"], sight)
 
 
 def with_blocks(cell: Cell, blocks: list[tuple[Floats, Floats, Floats]]) -> Cell:

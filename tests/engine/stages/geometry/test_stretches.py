@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinBackend
-from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
-from cellwright.engine.stages.geometry.stretches import STRETCH, in_stretches
-from cellwright.engine.stages.geometry.world.model import World
-from cellwright.engine.stages.geometry.world.scenes import scene_of
-from cellwright.kb.loader import bundled
+from cellwright.engine.stages.geometry.core_threads import STRETCH_ROWS, run_in_stretches
+from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel
+from cellwright.engine.stages.geometry.world.collision_scene import collision_scene_of
+from cellwright.engine.stages.geometry.world.geometric_world import GeometricWorld
+from cellwright.kb.loader import bundled_domains
 from cellwright.kb.loader.cell import load_cell
 
 
 @pytest.mark.parametrize("threads", ["1", "3"])
-@pytest.mark.parametrize("count", [0, 1, STRETCH, STRETCH + 1, 5 * STRETCH + 7])
+@pytest.mark.parametrize("count", [0, 1, STRETCH_ROWS, STRETCH_ROWS + 1, 5 * STRETCH_ROWS + 7])
 def test_every_row_is_done_once(threads: str, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CELLWRIGHT_THREADS", threads)
     done = np.zeros(count, dtype=int)
@@ -21,7 +21,7 @@ def test_every_row_is_done_once(threads: str, count: int, monkeypatch: pytest.Mo
     def work(first: int, after: int) -> None:
         done[first:after] += 1
 
-    in_stretches(count, work)
+    run_in_stretches(count, work)
     assert (done == 1).all()
 
 
@@ -30,14 +30,14 @@ def test_what_goes_wrong_in_a_thread_is_told() -> None:
         raise ValueError(f"{first} to {after}")
 
     with pytest.raises(ValueError, match="0 to"):
-        in_stretches(3 * STRETCH, work)
+        run_in_stretches(3 * STRETCH_ROWS, work)
 
 
 def test_answers_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = World.of(load_cell(bundled()["themse"] / "cell.yaml"))
-    checker = BuiltinBackend().checker(scene_of(world))
+    world = GeometricWorld.of(load_cell(bundled_domains()["themse"] / "cell.yaml"))
+    checker = BuiltinBackend().checker(collision_scene_of(world))
     model: ArmModel = world.models["manutec_r3"]
-    q = model.random(3 * STRETCH, np.random.default_rng(4))
+    q = model.random(3 * STRETCH_ROWS, np.random.default_rng(4))
     answers = []
     for threads in ("1", "2"):
         monkeypatch.setenv("CELLWRIGHT_THREADS", threads)

@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.model.geometry import Floats
+from cellwright.engine.kernels.arrays import Floats
 from cellwright.engine.stages.geometry import transforms
-from cellwright.kb.model.shapes import Pose
+from cellwright.kb.model.body_shapes import Pose
 from tests.engine.stages.geometry.rigid import is_rigid
 
 lengths = st.floats(-10, 10)

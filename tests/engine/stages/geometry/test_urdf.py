@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.stages.geometry import transforms
-from cellwright.engine.stages.geometry.kinematics.arms import ArmModel
-from cellwright.kb.diagnostics import Diagnostic, InvalidInput, errors
+from cellwright.engine.stages.geometry.kinematics.arm_model import ArmModel
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, select_errors
 from cellwright.kb.loader.cell import load_cell
-from cellwright.kb.loader.reader import Findings
-from cellwright.kb.loader.urdf import arm_of
-from cellwright.kb.model.cell import Arm, Inertia, JointKind, Mimic
-from cellwright.kb.model.shapes import Box, Cylinder, Mesh, Pose, Sphere
+from cellwright.kb.loader.reader import LoadFindings
+from cellwright.kb.loader.urdf import urdf_arm
+from cellwright.kb.model.body_shapes import Box, Cylinder, Mesh, Pose, Sphere
+from cellwright.kb.model.cell_model import Arm, Inertia, JointKind, Mimic
 
 ROBOT = """<?xml version="1.0"?>
 <robot name="crane">
@@ -60,10 +60,12 @@ def folder(tmp_path: Path) -> Path:
 
 def read(folder: Path, srdf: bool = False) -> tuple[Arm | None, list[Diagnostic]]:
     """The arm from foot to trolley, if it could be read, and everything that was found."""
-    findings = Findings()
+    findings = LoadFindings()
     given_srdf = folder / "crane.srdf" if srdf else None
     try:
-        arm = arm_of(folder / "crane.urdf", given_srdf, ("foot", "trolley"), [folder / "packages"], findings)
+        arm = urdf_arm(
+            folder / "crane.urdf", given_srdf, ("foot", "trolley"), [folder / "packages"], findings
+        )
     except InvalidInput as error:
         return None, list(error.diagnostics)
     return arm, list(findings.diagnostics)
@@ -183,7 +185,7 @@ def test_a_broken_urdf_is_told(name: str, folder: Path) -> None:
     assert old in ROBOT
     (folder / "crane.urdf").write_text(ROBOT.replace(old, new))
     _, found = read(folder)
-    assert any(each.code == code and said in each.message for each in errors(found)), found
+    assert any(each.code == code and said in each.message for each in select_errors(found)), found
     assert all(each.hint for each in found)
 
 
@@ -217,7 +219,7 @@ def test_no_garbled_urdf_makes_the_reader_stumble(
     folder = tmp_path_factory.mktemp("garbled")
     (folder / "crane.urdf").write_text("".join(parts))
     arm, found = read(folder)
-    assert arm is not None or errors(found)
+    assert arm is not None or select_errors(found)
     assert all(each.hint and each.where.path.endswith("crane.urdf") for each in found)
 
 

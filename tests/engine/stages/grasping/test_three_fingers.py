@@ -9,13 +9,17 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.model.grasping import Grasp, ThreeFingers
-from cellwright.engine.model.solid import Solid
-from cellwright.engine.stages.geometry.shapes.solids import solid, triangulated
-from cellwright.engine.stages.grasping.blocks import meet
-from cellwright.engine.stages.grasping.grasps import GRAVITY
-from cellwright.engine.stages.grasping.placements import volume_and_centre
-from cellwright.engine.stages.grasping.three_fingers import closes, three_finger_grasps, wrenches
+from cellwright.engine.model.geometry import Solid
+from cellwright.engine.model.manipulation_values import Grasp, ThreeFingers
+from cellwright.engine.stages.geometry.shapes.facet_solids import make_solid, triangulate_polygon
+from cellwright.engine.stages.grasping.grasp_synthesis import (
+    GRAVITY_M_S2,
+    blocks_meet,
+    closes_by_force,
+    contact_wrenches,
+    three_finger_grasps,
+)
+from cellwright.engine.stages.grasping.stable_placements import volume_and_centre
 
 HAND = ThreeFingers(0.1, 0.016, 0.06, 0.012, (0.08, 0.08, 0.03), (0.06, 0.06, 0.03))
 INSET_M, MASS_KG = 0.012, 0.3
@@ -26,13 +30,13 @@ def prism(corners: Floats, height: float) -> Solid:
     low = np.column_stack([corners, np.zeros(len(corners))])
     high = low + np.array([0.0, 0.0, height])
     up = np.array([0.0, 0.0, 1.0])
-    surfaces = [("top", triangulated(high, up)), ("bottom", triangulated(low[::-1], -up))]
+    surfaces = [("top", triangulate_polygon(high, up)), ("bottom", triangulate_polygon(low[::-1], -up))]
     for n in range(len(corners)):
         m = (n + 1) % len(corners)
         side = np.array([low[n], low[m], high[m], high[n]])
         normal = np.cross(side[1] - side[0], side[2] - side[1])
-        surfaces.append((f"side_{n + 1}", triangulated(side, normal / np.linalg.norm(normal))))
-    return solid("prism", surfaces)
+        surfaces.append((f"side_{n + 1}", triangulate_polygon(side, normal / np.linalg.norm(normal))))
+    return make_solid("prism", surfaces)
 
 
 def regular(count: int, radius: float = 0.03) -> Solid:
@@ -64,7 +68,7 @@ def test_fingers_meet_the_facets_that_are_named_and_the_hand_meets_nothing(count
         contacts = contacts_of(part, grasp)
         for point, name in zip(contacts[:3], grasp.facets, strict=True):
             assert abs(named[name].normal @ point - named[name].offset) < 1e-9
-        assert not meet(grasp.T_part_hand, *HAND.blocks(grasp.opening), part.corners)[0]
+        assert not blocks_meet(grasp.T_part_hand, *HAND.blocks(grasp.opening), part.corners)[0]
         assert grasp.width_m <= HAND.opening_m
 
 
@@ -81,9 +85,9 @@ def test_the_weight_is_held_whichever_way_it_pulls(count: int, seed: int) -> Non
     part = regular(count)
     centre = volume_and_centre(part)[1]
     grasp = grasps(part)[0]
-    W = wrenches(contacts_of(part, grasp), centre, HAND.friction)
+    W = contact_wrenches(contacts_of(part, grasp), centre, HAND.friction)
     pull = np.random.default_rng(seed).normal(size=3)
-    pull *= grasp.torque_margin * MASS_KG * GRAVITY / math.sqrt(3) / np.linalg.norm(pull)
+    pull *= grasp.torque_margin * MASS_KG * GRAVITY_M_S2 / math.sqrt(3) / np.linalg.norm(pull)
     presses = np.kron(np.eye(3), np.ones(W.shape[1] // 3))
     balance = np.concatenate([-pull, np.zeros(3)])
     found = linprog(
@@ -105,7 +109,7 @@ def around(*degrees: float) -> Floats:
 
 
 def test_contacts_all_around_close_by_force_and_contacts_on_one_side_do_not() -> None:
-    assert closes(around(0, 120, 240), np.zeros(3), 0.4)
-    assert closes(around(0, 170, 190), np.zeros(3), 0.4)
-    assert not closes(around(0, 60, 90), np.zeros(3), 0.4)
-    assert not closes(around(0, 120, 240), np.zeros(3), 0.0)
+    assert closes_by_force(around(0, 120, 240), np.zeros(3), 0.4)
+    assert closes_by_force(around(0, 170, 190), np.zeros(3), 0.4)
+    assert not closes_by_force(around(0, 60, 90), np.zeros(3), 0.4)
+    assert not closes_by_force(around(0, 120, 240), np.zeros(3), 0.0)

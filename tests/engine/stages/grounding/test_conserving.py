@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.model.task import Bits, bitset, indices
+from cellwright.engine.kernels.bits import Bits, bitset, indices
 from cellwright.engine.stages.grounding import conserving
 from tests.engine.interpreted import interpreted
 

@@ -5,7 +5,7 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.grounding.derived import Rules, supports_of
+from cellwright.engine.stages.grounding.derived_atoms import Rules, supports_of
 
 FLUENTS = range(4)
 DERIVED = range(100, 104)  # the first two may depend on one another, and so may the last two

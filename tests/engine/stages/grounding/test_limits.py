@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.grounding import ground, limits
-from cellwright.kb.asp import trial
+from cellwright.engine.stages.grounding import ground, instance_bounds
+from cellwright.kb.asp import trial_grounding
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
 from cellwright.kb.terms import Variable
@@ -43,7 +43,7 @@ def domain(tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def _in_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trial, "SECONDS", 1)
+    monkeypatch.setattr(trial_grounding, "MAX_TRIAL_S", 1)
 
 
 def test_an_operator_with_a_billion_instances_is_stopped_at_its_place(domain: Path) -> None:
@@ -77,11 +77,11 @@ def test_a_large_bound_that_statics_cut_down_is_grounded(domain: Path) -> None:
 
 def test_the_bound_on_a_type_counts_its_subtypes_and_its_terms() -> None:
     problem = load_problem("bulkhead/one_point")
-    sizes = limits.extents(problem)
+    sizes = instance_bounds.bound_type_sizes(problem)
     assert (sizes["tool"], sizes["measurement"], sizes["place"]) == (2, 3, 5)
     assert sizes["point"] == 3 * sizes["place"]
     more = replace(problem, objects={**problem.objects, "m4": "measurement"})
-    assert limits.extents(more)["point"] == 3 * 6
+    assert instance_bounds.bound_type_sizes(more)["point"] == 3 * 6
 
 
 A, B, C = map(Variable, "ABC")
@@ -97,5 +97,5 @@ def test_no_more_bindings_than_the_bound(
         (a, b) in one and (b, c) in two and a in three for a, b, c in itertools.product(range(4), repeat=3)
     )
     known = [({A, B}, len(one)), ({B, C}, len(two)), ({A}, len(three))]
-    bound = limits.most_bindings({A: 4.0, B: 4.0, C: 4.0}, known)
+    bound = instance_bounds.most_bindings({A: 4.0, B: 4.0, C: 4.0}, known)
     assert counted <= bound <= 64

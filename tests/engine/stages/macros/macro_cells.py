@@ -5,17 +5,17 @@ import functools
 from dataclasses import dataclass
 from pathlib import Path
 
-from cellwright.engine.stages.macros.learning.generalise import Generalised, generalise
-from cellwright.engine.stages.macros.lifted.bodies import satisfiable
-from cellwright.engine.stages.macros.lifted.world import CellDomain, State
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.lifted.cell_domain import CellDomain, State
+from cellwright.engine.stages.lifted.fact_queries import is_satisfiable
+from cellwright.engine.stages.macros.learning.macro_extraction import GeneralisedPlan
+from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.loader import load
 from cellwright.kb.loader.plan import load_plan
 from cellwright.kb.model.conditions import And, Literal, part_variables
-from cellwright.kb.model.macro import Macrop
-from cellwright.kb.model.plan import Plan, Step, StepId
-from cellwright.kb.model.problem import Chain, Problem
-from cellwright.kb.terms import Function, Term, Variable, substitute, substitute_atom, variables
+from cellwright.kb.model.plan_model import Macrop, Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Chain, Problem
+from cellwright.kb.terms import Function, Term, Variable, substitute_atom, substitute_term, term_variables
 from tests.places import BUNDLED as DOMAINS
 
 HERE = Path(__file__).parent
@@ -36,13 +36,13 @@ class Example:
     plan: Plan
     world: CellDomain
     initial: State
-    learned: Generalised
+    learned: GeneralisedPlan
 
 
 def example(problem: Problem, plan: Plan) -> Example:
     world = CellDomain(problem)
     initial = Semantics(problem).initial()
-    return Example(problem, plan, world, initial, generalise(problem, plan, world, initial))
+    return Example(problem, plan, world, initial, generalise_plan(problem, plan, world, initial))
 
 
 @functools.cache
@@ -87,12 +87,12 @@ def constraints_hold(macrop: Macrop, world: CellDomain, bindings: dict[Variable,
     """Whether an instance satisfies all that its MACROP demands of terms."""
     typed = all(world.statics.has_type(bindings[p.variable], p.type) for p in macrop.types)
     existential = {v for part in macrop.constraints for v in part_variables(part)} - {
-        v for s in macrop.steps for v in variables(s.operator)
+        v for s in macrop.steps for v in term_variables(s.operator)
     }
     known = {v: t for v, t in bindings.items() if v not in existential}
     body = (*macrop.constraints, *macrop.disequalities)
-    excluded = any(satisfiable(each, world.statics, known) for each in macrop.exclusions)
-    return typed and not excluded and satisfiable(body, world.statics, known)
+    excluded = any(is_satisfiable(each, world.statics, known) for each in macrop.exclusions)
+    return typed and not excluded and is_satisfiable(body, world.statics, known)
 
 
 def posed(found: Example, bindings: dict[Variable, Term]) -> Problem:
@@ -100,10 +100,10 @@ def posed(found: Example, bindings: dict[Variable, Term]) -> Problem:
     macrop = found.learned.macrop
     chains = tuple(
         Chain(
-            str(substitute(chain.name, bindings)).strip('"'),
+            str(substitute_term(chain.name, bindings)).strip('"'),
             tuple(substitute_atom(stage, bindings) for stage in chain.stages),
-            tuple(str(substitute(name, bindings)).strip('"') for name in chain.after),
-            substitute(chain.subject, bindings) if chain.subject is not None else None,
+            tuple(str(substitute_term(name, bindings)).strip('"') for name in chain.after),
+            substitute_term(chain.subject, bindings) if chain.subject is not None else None,
         )
         for chain in macrop.chains
     )

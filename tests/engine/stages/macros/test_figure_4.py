@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from macro_cells import bundled, figure_4
 
-from cellwright.kb.model.macro import Macrop
+from cellwright.kb.model.plan_model import Macrop
 
 
 def texts(parts: Iterable[object]) -> set[str]:

@@ -9,23 +9,23 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, atom, bundled, constraints_hold, golden, posed
 
-from cellwright.engine.stages.macros.learning.generalise import NotGeneral, generalise
-from cellwright.engine.stages.macros.lifted.situation import Situation
-from cellwright.engine.stages.macros.lookup.instantiate import instantiate
-from cellwright.engine.stages.macros.lookup.matching import MatchingBudget, matches
-from cellwright.engine.stages.macros.lookup.program import Program
-from cellwright.engine.stages.macros.lookup.query import Query
-from cellwright.engine.stages.validation import validate
-from cellwright.kb.loader.amounts import amounts_of
+from cellwright.engine.stages.lifted.cell_domain import Situation
+from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
+from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
+from cellwright.engine.stages.macros.lookup.macro_lookup import instantiate_macro
+from cellwright.engine.stages.macros.lookup.macro_matching import MatchingBudget, MatchingOrder, match_macro
+from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.kb.loader.problem_amounts import amounts_of
 from cellwright.kb.model.conditions import And, Literal
-from cellwright.kb.model.plan import Plan
+from cellwright.kb.model.plan_model import Plan
 from cellwright.kb.terms import Function, Term, Variable, substitute_atom
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
 def test_instantiating_with_the_original_constants_gives_the_plan_back(path: Path) -> None:
     found = golden(path)
-    again = instantiate(found.learned.macrop, found.learned.bindings, amounts_of(found.problem))
+    again = instantiate_macro(found.learned.macrop, found.learned.bindings, amounts_of(found.problem))
     assert again.steps == found.plan.steps
     assert set(again.links) == set(found.plan.links)
 
@@ -61,7 +61,7 @@ def test_every_instance_that_satisfies_a_macrop_passes_the_checker(name: str, da
     bindings = found.learned.bindings | dict(_changes(found, data))
     assume(constraints_hold(macrop, found.world, bindings))
     problem = posed(found, bindings)
-    assert validate(problem, instantiate(macrop, bindings, amounts_of(problem))) == []
+    assert validate_plan(problem, instantiate_macro(macrop, bindings, amounts_of(problem))) == []
 
 
 def _changes(found: Example, data: st.DataObject) -> Iterator[tuple[Variable, Term]]:
@@ -83,12 +83,12 @@ def test_a_plan_that_does_not_reach_its_goal_is_not_generalised() -> None:
     found = bundled("bulkhead/one_point")
     shorter = Plan(found.plan.steps[:-1])
     with pytest.raises(NotGeneral, match="does not hold at the end"):
-        generalise(found.problem, shorter, found.world, found.initial)
+        generalise_plan(found.problem, shorter, found.world, found.initial)
 
 
 def test_links_are_found_where_a_plan_has_none() -> None:
     found = bundled("themse/one")
-    bare = generalise(found.problem, Plan(found.plan.steps), found.world, found.initial)
+    bare = generalise_plan(found.problem, Plan(found.plan.steps), found.world, found.initial)
     assert bare.macrop.preconditions == found.learned.macrop.preconditions
     assert {str(each) for each in bare.macrop.disequalities} == {
         str(each) for each in found.learned.macrop.disequalities
@@ -99,7 +99,7 @@ def test_a_goal_that_held_all_along_is_no_goal_of_the_macrop() -> None:
     found = bundled("bulkhead/one_point")
     goal = And((found.problem.goal, Literal(atom("holding(t3_746, us_probe)"))))
     problem = dataclasses.replace(found.problem, goal=goal)
-    learned = generalise(problem, found.plan, found.world, found.initial)
+    learned = generalise_plan(problem, found.plan, found.world, found.initial)
     assert learned.macrop.goals == found.learned.macrop.goals
 
 
@@ -109,9 +109,10 @@ def test_matching_agrees_with_brute_force() -> None:
     macrop, world = found.learned.macrop, found.world
     situation = Situation.of(world, found.initial)
     goal = Literal(atom("measured(us_probe, t3_746, meas(m2))"))
-    asked = Query(situation, (goal,), ())
+    asked = MacroQuery(situation, (goal,), ())
     joined = {
-        tuple(b[p] for p in macrop.parameters) for b in matches(Program(macrop), asked, MatchingBudget())
+        tuple(b[p] for p in macrop.parameters)
+        for b in match_macro(MatchingOrder(macrop), asked, MatchingBudget())
     }
     objects = [Function(name) for name in (*found.problem.objects, *found.problem.domain.objects)]
     tried = set()

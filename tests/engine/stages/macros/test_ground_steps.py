@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from macro_cells import GOLDEN, Example, golden
 
-from cellwright.engine.stages.macros.lifted.execution import Execution
-from cellwright.engine.stages.macros.lifted.situation import Situation
-from cellwright.kb.model.plan import Step, StepId
+from cellwright.engine.stages.lifted.cell_domain import Situation
+from cellwright.engine.stages.lifted.lifted_execution import LiftedExecution
+from cellwright.kb.model.plan_model import Step, StepId
 from cellwright.kb.terms import Function, Term
 
 
@@ -36,7 +36,7 @@ def test_a_ground_step_does_in_every_state_what_its_operator_does(path: Path) ->
             if known is None:
                 continue
             step = Step(StepId(1), operator)
-            slow, fast = Execution(found.world, here.facts), Execution(found.world, here.facts)
+            slow, fast = LiftedExecution(found.world, here.facts), LiftedExecution(found.world, here.facts)
             assert bool(slow.take_any(step)) == bool(fast.take_known(step, known))
             assert frozenset(slow.facts) == frozenset(fast.facts)
             compared += 1

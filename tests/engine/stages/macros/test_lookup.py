@@ -11,18 +11,22 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, atom, bundled, golden
 
-from cellwright.engine.stages.macros.lifted.situation import Situation
-from cellwright.engine.stages.macros.lookup.checking import Refusal, check
-from cellwright.engine.stages.macros.lookup.index import Index
-from cellwright.engine.stages.macros.lookup.lookup import look_up
-from cellwright.engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, joined, matches
-from cellwright.engine.stages.macros.lookup.program import Program
-from cellwright.engine.stages.macros.lookup.query import Query, query, readings
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.lifted.cell_domain import Situation
+from cellwright.engine.stages.macros.lookup.macro_index import MacroIndex
+from cellwright.engine.stages.macros.lookup.macro_lookup import MacroRefusal, check_instance, look_up
+from cellwright.engine.stages.macros.lookup.macro_matching import (
+    MatchingBudget,
+    MatchingOrder,
+    OutOfWork,
+    join_macro_goals,
+    match_macro,
+)
+from cellwright.engine.stages.macros.lookup.macro_query import MacroQuery, make_query, query_variants
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.model.conditions import And, Literal
-from cellwright.kb.model.plan import Plan, Step
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.terms import ordered
+from cellwright.kb.model.plan_model import Plan, Step
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.terms import sort_naturally
 
 each_golden = pytest.mark.parametrize("path", GOLDEN, ids=[path.stem for path in GOLDEN])
 
@@ -36,8 +40,8 @@ def situation(found: Example) -> Situation:
     return Situation.of(found.world, found.initial)
 
 
-def asked(found: Example, problem: Problem | None = None) -> Query:
-    made = query(problem or found.problem, situation(found))
+def asked(found: Example, problem: Problem | None = None) -> MacroQuery:
+    made = make_query(problem or found.problem, situation(found))
     assert made is not None
     return made
 
@@ -45,14 +49,14 @@ def asked(found: Example, problem: Problem | None = None) -> Query:
 @each_golden
 def test_the_problem_that_taught_a_macrop_is_served_by_it(path: Path) -> None:
     found = golden(path)
-    index = Index()
+    index = MacroIndex()
     for key, each in enumerate(examples()):
         index.add(key, each.learned.macrop)
-    hits = filter(None, (look_up(index, each) for each in readings(asked(found))))
+    hits = filter(None, (look_up(index, each) for each in query_variants(asked(found))))
     hit = next(hits, None)
     assert hit is not None
     assert hit.plan.cost <= found.plan.cost
-    assert validate(found.problem, hit.plan) == []
+    assert validate_plan(found.problem, hit.plan) == []
 
 
 def states(found: Example) -> list[Situation]:
@@ -68,7 +72,7 @@ def states(found: Example) -> list[Situation]:
 
 def goals_of(found: Example) -> list[Literal]:
     """Everything that is ever true of the cell along a plan."""
-    return [Literal(each) for each in ordered({a for here in states(found) for a in here.facts})]
+    return [Literal(each) for each in sort_naturally({a for here in states(found) for a in here.facts})]
 
 
 @functools.cache
@@ -86,18 +90,18 @@ def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None
     here = data.draw(st.sampled_from(states(found)))
     goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=2, unique=True))
     problem = dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=())
-    whole = query(problem, here)
+    whole = make_query(problem, here)
     assert whole is not None
-    index = Index()
+    index = MacroIndex()
     taught = data.draw(st.lists(st.sampled_from(_lessons()), max_size=12))
     for key, macrop in enumerate(taught):
         index.add(key, macrop)
-    for each in readings(whole):
+    for each in query_variants(whole):
         offered = {entry.key for entry in index.candidates(each)}
         fitting = {
             key
             for key, macrop in enumerate(taught)
-            if next(matches(Program(macrop), each, MatchingBudget()), None)
+            if next(match_macro(MatchingOrder(macrop), each, MatchingBudget()), None)
         }
         assert fitting <= offered
 
@@ -109,21 +113,24 @@ def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data:
     found = data.draw(st.sampled_from(chainless()))
     here = data.draw(st.sampled_from(states(found)))
     goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=3, unique=True))
-    whole = query(dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=()), here)
+    whole = make_query(dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=()), here)
     assert whole is not None
-    for each in readings(whole):
+    for each in query_variants(whole):
         for macrop in data.draw(st.lists(st.sampled_from(_lessons()), max_size=12)):
-            program = Program(macrop)
+            program = MatchingOrder(macrop)
             if len(macrop.goals) != len(each.goals):
                 continue
-            bare = Program(dataclasses.replace(macrop, exclusions=()))
+            bare = MatchingOrder(dataclasses.replace(macrop, exclusions=()))
             try:
                 plain = {
-                    frozenset(bindings.items()) for bindings in joined(program, each, MatchingBudget(20_000))
+                    frozenset(bindings.items())
+                    for bindings in join_macro_goals(program, each, MatchingBudget(20_000))
                 }
             except OutOfWork:
                 continue
-            fast = {frozenset(bindings.items()) for bindings in matches(bare, each, MatchingBudget(100_000))}
+            fast = {
+                frozenset(bindings.items()) for bindings in match_macro(bare, each, MatchingBudget(100_000))
+            }
             assert fast == plain
 
 
@@ -143,7 +150,8 @@ def _parts(found: Example) -> list[object]:
 
 
 def _taught(found: Example) -> Iterator[object]:
-    from cellwright.engine.stages.macros.learning.generalise import NotGeneral, generalise
+    from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
+    from cellwright.engine.stages.macros.learning.plan_generalisation import generalise_plan
 
     reached = states(found)
     for first in range(0, len(found.plan.steps), 3):
@@ -153,10 +161,10 @@ def _taught(found: Example) -> Iterator[object]:
             dataclasses.replace(step, after=tuple(each for each in step.after if each in names))
             for step in kept
         )
-        for goal in ordered(set(reached[-1].facts) - set(reached[first].facts))[:3]:
+        for goal in sort_naturally(set(reached[-1].facts) - set(reached[first].facts))[:3]:
             problem = dataclasses.replace(found.problem, goal=Literal(goal), chains=())
             try:
-                yield generalise(problem, Plan(steps), found.world, reached[first].state).macrop
+                yield generalise_plan(problem, Plan(steps), found.world, reached[first].state).macrop
             except NotGeneral:
                 continue
 
@@ -197,15 +205,15 @@ def _without(steps: list[Step], place: int) -> list[Step]:
 def test_the_fast_check_accepts_only_what_the_checker_accepts(path: Path, data: st.DataObject) -> None:
     found = golden(path)
     plan = data.draw(spoilt(found.plan))
-    accepted = isinstance(check(plan, asked(found)), Situation)
-    problem = found.problem.replace(ordered(found.initial))
-    assert not (accepted and validate(problem, plan))
+    accepted = isinstance(check_instance(plan, asked(found)), Situation)
+    problem = found.problem.replace(sort_naturally(found.initial))
+    assert not (accepted and validate_plan(problem, plan))
 
 
 @each_golden
 def test_the_fast_check_accepts_plans_and_knows_where_they_lead(path: Path) -> None:
     found = golden(path)
-    after = check(found.plan, asked(found))
+    after = check_instance(found.plan, asked(found))
     assert isinstance(after, Situation)
     assert after.state == states(found)[-1].state
 
@@ -216,15 +224,15 @@ def test_a_goal_that_held_is_not_given_up_for_another() -> None:
     problem = dataclasses.replace(found.problem, goal=And((found.problem.goal, here)))
     both = asked(found, problem)
     assert both.kept == (here,)
-    assert isinstance(check(found.plan, both), Refusal)
-    index = Index()
+    assert isinstance(check_instance(found.plan, both), MacroRefusal)
+    index = MacroIndex()
     index.add(0, found.learned.macrop)
-    assert all(look_up(index, each) is None for each in readings(both))
+    assert all(look_up(index, each) is None for each in query_variants(both))
 
 
 def test_what_is_removed_is_not_offered() -> None:
     found = bundled("bulkhead/one_point")
-    index = Index()
+    index = MacroIndex()
     index.add("x", found.learned.macrop)
     assert [entry.key for entry in index.candidates(asked(found))] == ["x"]
     index.remove("x")
@@ -236,7 +244,7 @@ def test_lookup_does_not_hang_on_the_order_in_which_macrops_were_learned() -> No
     found = bundled("bulkhead/twelve_points")
     plans = set()
     for seed in range(3):
-        index = Index()
+        index = MacroIndex()
         macrops = [each.learned.macrop for each in examples()]
         random.Random(seed).shuffle(macrops)
         for key, macrop in enumerate(macrops):

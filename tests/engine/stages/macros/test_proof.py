@@ -9,18 +9,18 @@ from hypothesis import strategies as st
 from macro_cells import Example, constraints_hold, example
 from macro_cells import posed as instance_of
 
-from cellwright.engine.model.task import bitset, progress
+from cellwright.engine.kernels.bits import bitset
+from cellwright.engine.model.ground_task import progress_state
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.macros.learning.generalise import NotGeneral
-from cellwright.engine.stages.macros.lookup.instantiate import instantiate
-from cellwright.engine.stages.planning.improvement.deorder import deorder, is_internal
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.lifted.operator_schemas import NotGeneral
+from cellwright.engine.stages.macros.lookup.macro_lookup import instantiate_macro
+from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps, is_internal
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader.amounts import amounts_of
+from cellwright.kb.loader.problem_amounts import amounts_of
 from cellwright.kb.model.conditions import And, Literal
-from cellwright.kb.model.macro import Macrop
-from cellwright.kb.model.plan import CausalLink, Plan, Step
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import CausalLink, Macrop, Plan, Step
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Term, Variable, substitute_atom
 from tests.engine.stages.validation.plans import link, step
 from tests.engine.stages.validation.plans import problem as posed
@@ -44,19 +44,19 @@ def planned(draw: st.DrawFn) -> tuple[Problem, Plan]:
         following = [each for each in own if each.preconditions & ~state == 0]
         assume(following)
         steps.append(draw(st.sampled_from(following)))
-        state = progress(state, steps[-1])
+        state = progress_state(state, steps[-1])
     changed = [a for a in task.names(state & ~task.initial) if a in ATOMS]
     gone = [a for a in task.names(task.initial & ~state) if a in ATOMS]
     assume(changed or gone)
     goal = And((*map(Literal, changed), *(Literal(atom, False) for atom in gone)))
     wanted = {*changed, *(Function("not", (atom,)) for atom in gone)}
     goals = bitset([number for number, atom in enumerate(task.atoms) if atom in wanted])
-    return dataclasses.replace(problem, goal=goal), deorder(task, steps, goals)
+    return dataclasses.replace(problem, goal=goal), deorder_steps(task, steps, goals)
 
 
 def learned(problem: Problem, plan: Plan) -> Example:
     """What is learned from a plan, if it is valid as it stands and can be generalised."""
-    assume(validate(problem, plan) == [])
+    assume(validate_plan(problem, plan) == [])
     try:
         return example(problem, plan)
     except NotGeneral:
@@ -73,7 +73,9 @@ def test_every_instance_of_a_random_proof_passes_the_checker(
     macrop = found.learned.macrop
     own = found.learned.bindings
     assert constraints_hold(macrop, found.world, own)
-    again = [(step.operator, step.after) for step in instantiate(macrop, own, amounts_of(case[0])).steps]
+    again = [
+        (step.operator, step.after) for step in instantiate_macro(macrop, own, amounts_of(case[0])).steps
+    ]
     assert again == [(step.operator, step.after) for step in found.plan.steps]
     changed: dict[Variable, Term] = {each: data.draw(st.sampled_from(CONSTANTS)) for each in own}
     assume(constraints_hold(macrop, found.world, changed))
@@ -85,7 +87,7 @@ def test_every_instance_of_a_random_proof_passes_the_checker(
             if not p.positive
         )
     )
-    assert validate(problem, instantiate(macrop, changed, amounts_of(problem))) == []
+    assert validate_plan(problem, instantiate_macro(macrop, changed, amounts_of(problem))) == []
 
 
 # What each proof demands, by example.
@@ -145,7 +147,7 @@ def macrop(goals: str, initial: tuple[str, ...], steps: tuple[Step, ...], *links
     """What is learned from a plan, which is valid."""
     found = posed(goals, initial, SHELF, statics=STATICS, rules=RULES)
     plan = Plan(steps, links)
-    assert validate(found, plan) == []
+    assert validate_plan(found, plan) == []
     return example(found, plan).learned.macrop
 
 

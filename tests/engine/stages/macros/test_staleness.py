@@ -9,15 +9,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, bundled, golden
 
-from cellwright.engine.stages.macros.lifted.digests import Digests
-from cellwright.engine.stages.macros.lifted.situation import Situation
-from cellwright.engine.stages.macros.lifted.world import CellDomain
-from cellwright.engine.stages.macros.lookup.query import query, signature_of
-from cellwright.engine.stages.macros.lookup.repertoire import Repertoire
-from cellwright.engine.stages.validation import validate
-from cellwright.engine.stages.validation.semantics import Semantics
-from cellwright.kb.model.domain import DeductiveOperator, Domain, Operator
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
+from cellwright.engine.stages.lifted.domain_digests import DomainDigests
+from cellwright.engine.stages.macros.lookup.macro_query import make_query, signature_of
+from cellwright.engine.stages.macros.lookup.macro_repertoire import Repertoire
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.kb.model.domain_model import DeductiveOperator, Domain, Operator
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.store import Library, Record
 from cellwright.kb.terms import Number
 
@@ -62,7 +61,7 @@ def test_an_edited_operator_makes_exactly_its_users_stale(data: st.DataObject) -
     how = data.draw(st.sampled_from([slower, undemanding, without_effects]))
     changed = edited(domain, operator.name, how)
     same = how(operator) == operator
-    digests = Digests(changed)
+    digests = DomainDigests(changed)
     for found in examples:
         stale = not digests.fresh(found.learned.macrop.depends)
         assert stale == (operator.name in uses(found) and not same)
@@ -79,7 +78,7 @@ def test_an_edited_deductive_operator_makes_those_stale_that_trigger_it(trigger:
         return each.trigger.atom.name != trigger
 
     changed = dataclasses.replace(domain, deductive_operators=tuple(filter(kept, domain.deductive_operators)))
-    assert Digests(changed).fresh(found.learned.macrop.depends) is not stale
+    assert DomainDigests(changed).fresh(found.learned.macrop.depends) is not stale
 
 
 def test_a_new_deductive_operator_counts() -> None:
@@ -91,19 +90,19 @@ def test_a_new_deductive_operator_counts() -> None:
     )
     more = (*domain.deductive_operators, dataclasses.replace(first, trigger=trigger))
     changed = dataclasses.replace(domain, deductive_operators=more)
-    assert not Digests(changed).fresh(found.learned.macrop.depends)
+    assert not DomainDigests(changed).fresh(found.learned.macrop.depends)
 
 
 def test_rules_of_derived_predicates_count() -> None:
     found = bundled("themse/one")
     domain = found.problem.domain
-    assert Digests(domain).fresh(found.learned.macrop.depends)
+    assert DomainDigests(domain).fresh(found.learned.macrop.depends)
     gone = next(
         name.removeprefix("rules ") for name in found.learned.macrop.depends if name.startswith("rules ")
     )
     rules = tuple(each for each in domain.rules if each.head.name != gone)
     changed = dataclasses.replace(domain, rules=rules)
-    assert Digests(changed).changed(found.learned.macrop.depends) == (f"rules {gone}",)
+    assert DomainDigests(changed).changed(found.learned.macrop.depends) == (f"rules {gone}",)
 
 
 def test_words_comments_and_weights_do_not_count() -> None:
@@ -111,7 +110,7 @@ def test_words_comments_and_weights_do_not_count() -> None:
     domain = found.problem.domain
     light = {name: dataclasses.replace(each, weight=77) for name, each in domain.predicates.items()}
     changed = dataclasses.replace(domain, predicates=light, words={}, phrases=(), defaults=())
-    assert Digests(changed).fresh(found.learned.macrop.depends)
+    assert DomainDigests(changed).fresh(found.learned.macrop.depends)
 
 
 @given(data=st.data())
@@ -131,11 +130,11 @@ def test_what_is_found_after_an_edit_is_valid_and_not_stale(tmp_path: Path, data
 
 
 def assert_sound(problem: Problem, repertoire: Repertoire, edited_operator: str) -> None:
-    asked = query(problem, Situation.of(CellDomain(problem), Semantics(problem).initial()))
+    asked = make_query(problem, Situation.of(CellDomain(problem), Semantics(problem).initial()))
     assert asked is not None
     hit = repertoire.find(asked)
     if hit is not None:
         assert edited_operator not in {step.operator.name for step in hit.plan.steps}
-        assert validate(problem, hit.plan) == []
+        assert validate_plan(problem, hit.plan) == []
     else:
         assert repertoire.outdated()

@@ -4,21 +4,20 @@ import itertools
 
 import pytest
 
-from cellwright.engine.stages.macros.learning.subsequences import (
-    LONGEST,
-    Order,
-    fits,
-    occurring,
-    recurring,
-    shape,
+from cellwright.engine.stages.lifted.cell_domain import CellDomain, Situation
+from cellwright.engine.stages.lifted.lifted_execution import final_situation
+from cellwright.engine.stages.macros.learning.plan_subsequences import (
+    MAX_SUBSEQUENCE_STEPS,
+    PlanOrder,
+    matches_pattern,
+    matching_sequences,
+    recurring_sequences,
+    sequence_shape,
 )
-from cellwright.engine.stages.macros.lifted.execution import executed
-from cellwright.engine.stages.macros.lifted.situation import Situation
-from cellwright.engine.stages.macros.lifted.world import CellDomain
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.validation.operator_semantics import Semantics
 from cellwright.kb.loader import load_plan
-from cellwright.kb.model.plan import Plan, Step
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import Plan, Step
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Variable
 from tests.places import BUNDLED as GOLDEN
 
@@ -43,7 +42,7 @@ def slow(plan: Plan) -> list[tuple[Step, ...]]:
     """All connected sets of steps between which no other step must come, by looking at every set."""
     before = plan.predecessors()
     found = []
-    for size in range(2, LONGEST + 1):
+    for size in range(2, MAX_SUBSEQUENCE_STEPS + 1):
         for steps in itertools.combinations(plan.steps, size):
             ids = {step.id for step in steps}
             after = {step.id for step in plan.steps if before[step.id] & ids}
@@ -57,36 +56,36 @@ def test_all_and_only_connected_runs_are_found(made: tuple[Problem, Plan]) -> No
     _, plan = made
     counts: dict[str, int] = {}
     for steps in slow(plan):
-        key = shape([step.operator for step in steps])
+        key = sequence_shape([step.operator for step in steps])
         counts[key] = counts.get(key, 0) + 1
     assert counts
-    assert {shape(each.operators): each.count for each in recurring(plan)} == counts
+    assert {sequence_shape(each.operators): each.count for each in recurring_sequences(plan)} == counts
 
 
 def test_what_comes_before_a_subsequence_leads_to_where_it_can_run(made: tuple[Problem, Plan]) -> None:
     problem, plan = made
     start = Situation.of(CellDomain(problem), Semantics(problem).initial())
-    for each in recurring(plan):
-        assert executed(Plan((*each.before, *each.steps)), start) is not None
+    for each in recurring_sequences(plan):
+        assert final_situation(Plan((*each.before, *each.steps)), start) is not None
 
 
 def test_a_shape_forgets_names_and_keeps_what_is_equal() -> None:
     def moved(*pairs: tuple[str, str]) -> list[Function]:
         return [Function("move", (Function(a), Function("slot", (Function(b),)))) for a, b in pairs]
 
-    assert shape(moved(("a", "b"), ("a", "c"))) == shape(moved(("c", "a"), ("c", "b")))
-    assert shape(moved(("a", "b"), ("a", "c"))) != shape(moved(("a", "b"), ("b", "c")))
+    assert sequence_shape(moved(("a", "b"), ("a", "c"))) == sequence_shape(moved(("c", "a"), ("c", "b")))
+    assert sequence_shape(moved(("a", "b"), ("a", "c"))) != sequence_shape(moved(("a", "b"), ("b", "c")))
 
 
 def test_occurrences_fit_the_pattern_and_do_not_overlap(made: tuple[Problem, Plan]) -> None:
     _, plan = made
-    for each in recurring(plan):
+    for each in recurring_sequences(plan):
         pattern = tuple(
             Function(op.name, tuple(Variable(f"A{n}{m}") for m in range(len(op.arguments))))
             for n, op in enumerate(each.operators)
         )
-        found = list(occurring(Order(plan), pattern))
+        found = list(matching_sequences(PlanOrder(plan), pattern))
         assert found
-        assert all(fits(pattern, [step.operator for step in steps]) for steps in found)
+        assert all(matches_pattern(pattern, [step.operator for step in steps]) for steps in found)
         ids = [step.id for steps in found for step in steps]
         assert len(ids) == len(set(ids))

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.macros.lifted.facts import Facts
-from cellwright.engine.stages.macros.lifted.support import support
-from cellwright.engine.stages.macros.lifted.world import CellDomain, holds, with_derived
+from cellwright.engine.stages.lifted.cell_domain import CellDomain, body_holds, with_derived
+from cellwright.engine.stages.lifted.fact_queries import FactSet
+from cellwright.engine.stages.lifted.lifted_execution import find_support
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load_problem
 from cellwright.kb.terms import Atom, Function
@@ -65,11 +65,11 @@ def atom(text: str) -> Atom:
 def test_a_support_is_found_exactly_where_the_condition_holds(
     world: CellDomain, state: set[str], step: str
 ) -> None:
-    facts = Facts(map(atom, sorted(state)))
+    facts = FactSet(map(atom, sorted(state)))
     schema, bindings = world.binding(atom(step))
     (body,) = schema.alternatives
-    found = support(body, world, facts, bindings)
-    assert (found is not None) == holds(body, world, with_derived(world, facts), bindings)
+    found = find_support(body, world, facts, bindings)
+    assert (found is not None) == body_holds(body, world, with_derived(world, facts), bindings)
     for each in found or ():
         inner = each.arguments[0] if each.name == "not" else each
         assert (inner in facts) == (each.name != "not")

@@ -5,20 +5,21 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cellwright.engine.model.geometry import Floats, Joints, Piece, Scene, Truths
+from cellwright.engine.kernels.arrays import Floats, Truths
+from cellwright.engine.model.geometry import CollisionScene, ConvexPiece, Joints
 from cellwright.engine.stages.geometry import transforms
 from cellwright.engine.stages.geometry.collision.builtin import BuiltinChecker
-from cellwright.engine.stages.geometry.collision.ground import Ground
+from cellwright.engine.stages.geometry.collision.planning_scene import PlanningScene
 
 CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
-def block(name: str, middle: tuple[float, float], size: tuple[float, float]) -> Piece:
+def block(name: str, middle: tuple[float, float], size: tuple[float, float]) -> ConvexPiece:
     """A block that stands in the plane."""
-    return Piece(name, 0, transforms.translation(*middle, 0.0), CORNERS * (*size, 0.2), 0.0, box=True)
+    return ConvexPiece(name, 0, transforms.translation(*middle, 0.0), CORNERS * (*size, 0.2), 0.0, box=True)
 
 
-def arm_among(blocks: list[Piece], links: int = 2, length_m: float = 1.0) -> Scene:
+def arm_among(blocks: list[ConvexPiece], links: int = 2, length_m: float = 1.0) -> CollisionScene:
     """A planar arm of thin links, each turning about z by up to half a turn, among blocks."""
     origins = np.repeat(np.eye(4)[None], links, axis=0)
     origins[1:, 0, 3] = length_m
@@ -31,7 +32,7 @@ def arm_among(blocks: list[Piece], links: int = 2, length_m: float = 1.0) -> Sce
         np.full(links, np.pi),
     )
     ends = np.array([[0.0, 0.0, 0.0], [length_m, 0.0, 0.0]])
-    arm = [Piece(f"link {n + 1}", n + 1, np.eye(4), ends, 0.03) for n in range(links)]
+    arm = [ConvexPiece(f"link {n + 1}", n + 1, np.eye(4), ends, 0.03) for n in range(links)]
     pieces = (*arm, *blocks)
     pairs = [
         (i, j)
@@ -40,18 +41,20 @@ def arm_among(blocks: list[Piece], links: int = 2, length_m: float = 1.0) -> Sce
         if pieces[i].carrier != pieces[j].carrier  # a block in the hand moves with its link
     ]
     bodies = tuple(dict.fromkeys(piece.body for piece in pieces))
-    return Scene(joints, pieces, np.array(pairs, dtype=np.int64).reshape(-1, 2), bodies=bodies)
+    return CollisionScene(joints, pieces, np.array(pairs, dtype=np.int64).reshape(-1, 2), bodies=bodies)
 
 
-def random_ground(rng: np.random.Generator, blocks: int, links: int = 2, length_m: float = 1.0) -> Ground:
+def random_ground(
+    rng: np.random.Generator, blocks: int, links: int = 2, length_m: float = 1.0
+) -> PlanningScene:
     """An arm among blocks at random places that are not on its base."""
-    found: list[Piece] = []
+    found: list[ConvexPiece] = []
     while len(found) < blocks:
         middle = rng.uniform(-2.0, 2.0, 2)
         if np.linalg.norm(middle) > 0.6:
             size = rng.uniform(0.1, 0.5, 2)
             found.append(block(f"block {len(found)}", (middle[0], middle[1]), (size[0], size[1])))
-    return Ground(BuiltinChecker(arm_among(found, links, length_m)))
+    return PlanningScene(BuiltinChecker(arm_among(found, links, length_m)))
 
 
 def finely(path: Floats, step: float) -> Floats:
@@ -63,7 +66,7 @@ def finely(path: Floats, step: float) -> Floats:
     return np.concatenate(parts)
 
 
-def touching(ground: Ground, q: Floats) -> Truths:
+def touching(ground: PlanningScene, q: Floats) -> Truths:
     """Which configurations of a planar arm (n, k) have a point of a link in a block, by plain trigonometry.
 
     Points in the middle of a link are looked at, half its thickness apart, so what is told to touch does.

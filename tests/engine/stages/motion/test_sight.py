@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cellwright.engine.model.geometry import Floats, Truths
-from cellwright.engine.stages.motion.sight import Sights, lines_of_sight
+from cellwright.engine.kernels.arrays import Floats, Truths
+from cellwright.engine.stages.motion.visibility_planner import LinesOfSight, lines_of_sight
 
 
 def anywhere(points: Floats) -> Truths:
@@ -18,8 +18,8 @@ def box_at(middle: tuple[float, float, float], half: tuple[float, float, float])
     return T, np.array(half)
 
 
-def sights(*boxes: tuple[Floats, Floats]) -> Sights:
-    return Sights(np.array([T for T, _ in boxes]), np.array([half for _, half in boxes]))
+def sights(*boxes: tuple[Floats, Floats]) -> LinesOfSight:
+    return LinesOfSight(np.array([T for T, _ in boxes]), np.array([half for _, half in boxes]))
 
 
 def test_without_a_box_in_the_way_it_is_the_straight_line() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.engine.stages.motion.touching import touches
+from cellwright.engine.stages.motion.path_proofs import touches_on_path
 from tests.engine.stages.motion.conftest import finely, random_ground
 
 
@@ -18,7 +18,9 @@ def test_no_configuration_is_deeper_than_what_is_proved(rng: np.random.Generator
         for each in looked:
             pair = frozenset((each.first, each.second))
             deepest[pair] = max(deepest.get(pair, 0.0), each.depth_m)
-        told = {frozenset((each.first, each.second)): each for each in touches(ground, path, allowed_m)}
+        told = {
+            frozenset((each.first, each.second)): each for each in touches_on_path(ground, path, allowed_m)
+        }
         for pair, depth in deepest.items():
             if depth > 0.0:
                 assert pair in told or depth < 1e-4
@@ -36,5 +38,5 @@ def test_no_configuration_is_deeper_than_what_is_proved(rng: np.random.Generator
 def test_one_configuration_that_is_too_deep_is_not_proved(rng: np.random.Generator) -> None:
     ground = random_ground(rng, 3)
     q = next(q for q in rng.uniform(-3.0, 3.0, (500, 2)) if any(c.depth_m > 0.02 for c in ground.contacts(q)))
-    assert not all(each.proved for each in touches(ground, q[None], 0.005))
-    assert not all(each.proved for each in touches(ground, np.stack([q, q]), 0.005))
+    assert not all(each.proved for each in touches_on_path(ground, q[None], 0.005))
+    assert not all(each.proved for each in touches_on_path(ground, np.stack([q, q]), 0.005))

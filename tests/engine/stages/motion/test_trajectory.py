@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.geometry import Floats
-from cellwright.engine.stages.motion.trajectory import Limits, fastest
+from cellwright.engine.kernels.arrays import Floats
+from cellwright.engine.stages.motion.timed_paths import JointLimits, fastest_trajectory
 
-UR5 = Limits(np.full(3, 3.0), np.array([10.0, 8.0, 12.0]), np.full(3, 80.0))
+UR5 = JointLimits(np.full(3, 3.0), np.array([10.0, 8.0, 12.0]), np.full(3, 80.0))
 values = st.floats(-3, 3).map(lambda x: round(x, 3))
 paths = st.lists(st.tuples(values, values, values), min_size=1, max_size=5).map(lambda rows: np.array(rows))
 
@@ -18,8 +18,8 @@ paths = st.lists(st.tuples(values, values, values), min_size=1, max_size=5).map(
 def test_limits_hold_everywhere_and_corners_are_met_at_rest(
     path: Floats, jerk: float, acceleration: float
 ) -> None:
-    limits = Limits(UR5.speed, np.full(3, acceleration), np.full(3, jerk))
-    made = fastest(path, limits)
+    limits = JointLimits(UR5.speed, np.full(3, acceleration), np.full(3, jerk))
+    made = fastest_trajectory(path, limits)
     at, speeds, changes = made.at(made.corners_s)
     assert np.allclose(at, path, atol=1e-6)
     assert np.allclose(speeds, 0.0, atol=1e-6)
@@ -31,7 +31,7 @@ def test_limits_hold_everywhere_and_corners_are_met_at_rest(
 
 def test_every_moment_is_on_the_path() -> None:
     path = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, -0.5], [0.5, 2.0, 0.0]])
-    made = fastest(path, UR5)
+    made = fastest_trajectory(path, UR5)
     at, speeds, _ = made.at(np.linspace(0.0, made.corners_s[1], 50))
     share = at[:, 0]
     assert np.allclose(at, share[:, None] * path[1])
@@ -52,10 +52,10 @@ def test_the_times_are_those_of_ruckig_which_may_leave_the_line() -> None:
         asked.synchronization = ruckig.Synchronization.Phase
         found = ruckig.Trajectory(3)
         ruckig.Ruckig(3).calculate(asked, found)
-        made = fastest(ends, UR5)
+        made = fastest_trajectory(ends, UR5)
         assert found.duration * (1 - 1e-9) <= made.corners_s[-1] <= found.duration * 1.05
 
 
 def test_a_limit_of_nothing_is_refused() -> None:
     with pytest.raises(ValueError, match="above 0"):
-        fastest(np.zeros((2, 3)), Limits(np.zeros(3), UR5.acceleration, UR5.jerk))
+        fastest_trajectory(np.zeros((2, 3)), JointLimits(np.zeros(3), UR5.acceleration, UR5.jerk))

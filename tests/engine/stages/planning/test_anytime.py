@@ -5,16 +5,16 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import RACE, Limits, plan
-from cellwright.engine.stages.planning.effort import OutOfRange
+from cellwright.engine.stages.planning import RACE, SearchLimits, plan_task
 from cellwright.engine.stages.planning.portfolio import STRATEGIES
+from cellwright.engine.stages.planning.search_control import OutOfRange
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.plan import Plan
-from cellwright.kb.model.problem import Problem
-from cellwright.kb.stopping import Stopped
+from cellwright.kb.model.plan_model import Plan
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.stopping import StoppedByCaller
 from tests.properties.problems import problems, shortest
 
 
@@ -22,7 +22,7 @@ from tests.properties.problems import problems, shortest
 @settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 def test_shortest_finds_as_few_steps_as_brute_force(problem: Problem) -> None:
     try:
-        outcome = planning.plan(problem, Limits(strategy="shortest"))
+        outcome = checked_plan.plan_problem(problem, SearchLimits(strategy="shortest"))
     except InvalidInput:
         assume(False)
     fewest = shortest(problem)
@@ -33,9 +33,9 @@ def test_shortest_finds_as_few_steps_as_brute_force(problem: Problem) -> None:
 
 def test_every_plan_told_of_is_better_than_the_one_before_and_the_last_is_the_answer() -> None:
     problem, heard = load_problem("bulkhead/both_tools"), list[Plan]()
-    outcome = planning.plan(
+    outcome = checked_plan.plan_problem(
         problem,
-        Limits(
+        SearchLimits(
             thorough=True, interrupted=lambda: bool(heard) and heard[-1].cost <= 12, improved=heard.append
         ),
     )
@@ -44,14 +44,14 @@ def test_every_plan_told_of_is_better_than_the_one_before_and_the_last_is_the_an
     assert costs == sorted(set(costs), reverse=True)
     assert len(costs) > 1
     assert outcome.plan == heard[-1]
-    assert all(planning.check_plan(problem, each) == [] for each in heard)
+    assert all(checked_plan.check_plan(problem, each) == [] for each in heard)
 
 
 @given(problem=problems())
 @settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 def test_a_race_answers_as_brute_force_does(problem: Problem) -> None:
     try:
-        outcome = planning.plan(problem, Limits(strategy=RACE))
+        outcome = checked_plan.plan_problem(problem, SearchLimits(strategy=RACE))
     except InvalidInput:
         assume(False)
     assert isinstance(outcome, Infeasible if shortest(problem) is None else Found)
@@ -59,23 +59,27 @@ def test_a_race_answers_as_brute_force_does(problem: Problem) -> None:
 
 def test_a_race_keeps_the_best_plan_when_interrupted() -> None:
     heard = list[Plan]()
-    limits = Limits(strategy=RACE, thorough=True, interrupted=lambda: bool(heard), improved=heard.append)
-    outcome = planning.plan(load_problem("bulkhead/both_tools"), limits)
+    limits = SearchLimits(
+        strategy=RACE, thorough=True, interrupted=lambda: bool(heard), improved=heard.append
+    )
+    outcome = checked_plan.plan_problem(load_problem("bulkhead/both_tools"), limits)
     assert isinstance(outcome, Found)
     assert outcome.plan.cost == heard[-1].cost
 
 
 def test_a_race_that_may_not_expand_anything_gives_up() -> None:
     task = ground(load_problem("bulkhead/twelve_points"))
-    assert isinstance(plan(task, Limits(expansions=1, strategy=RACE)), GaveUp)
+    assert isinstance(plan_task(task, SearchLimits(expansions=1, strategy=RACE)), GaveUp)
 
 
 def test_the_best_plan_survives_want_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     def greedy(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("cellwright.engine.stages.planning.improvement.rounds.straighten", greedy)
-    assert isinstance(planning.plan(load_problem("bulkhead/both_tools")), Found)
+    monkeypatch.setattr(
+        "cellwright.engine.stages.planning.improvement.window_optimisation.straighten", greedy
+    )
+    assert isinstance(checked_plan.plan_problem(load_problem("bulkhead/both_tools")), Found)
 
 
 def test_the_best_plan_survives_a_grounding_that_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,11 +87,11 @@ def test_the_best_plan_survives_a_grounding_that_is_stopped(monkeypatch: pytest.
     asked: list[bool] = []
 
     def late(*_: object) -> None:
-        raise Stopped
+        raise StoppedByCaller
 
-    monkeypatch.setattr("cellwright.engine.stages.planning.improvement.rounds.straighten", late)
-    limits = Limits(interrupted=lambda: bool(asked.append(True)))
-    outcome = planning.plan(load_problem("bulkhead/both_tools"), limits)
+    monkeypatch.setattr("cellwright.engine.stages.planning.improvement.window_optimisation.straighten", late)
+    limits = SearchLimits(interrupted=lambda: bool(asked.append(True)))
+    outcome = checked_plan.plan_problem(load_problem("bulkhead/both_tools"), limits)
     assert isinstance(outcome, Found)
     assert asked
 
@@ -102,8 +106,8 @@ def test_the_best_plan_survives_values_that_other_searches_cannot_count(
         raise OutOfRange
 
     monkeypatch.setitem(STRATEGIES, "landmarks", lost)
-    limits = Limits(thorough=True, room=None, interrupted=lambda: bool(tried))
-    assert isinstance(planning.plan(load_problem("bulkhead/one_point"), limits), Found)
+    limits = SearchLimits(thorough=True, room=None, interrupted=lambda: bool(tried))
+    assert isinstance(checked_plan.plan_problem(load_problem("bulkhead/one_point"), limits), Found)
     assert tried
 
 
@@ -112,6 +116,6 @@ def test_want_of_memory_in_the_search_is_an_answer(monkeypatch: pytest.MonkeyPat
         raise MemoryError
 
     monkeypatch.setitem(STRATEGIES, "auto", greedy)
-    outcome = planning.plan(load_problem("bulkhead/both_tools"))
+    outcome = checked_plan.plan_problem(load_problem("bulkhead/both_tools"))
     assert isinstance(outcome, GaveUp)
     assert outcome.limit == "memory"

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.task import Bits, GroundOperator, Task, bitset, indices, progress
-from cellwright.engine.stages.planning.improvement.deorder import deorder, is_internal
-from cellwright.kb.model.plan import GOAL, START, Plan, Step, StepId
+from cellwright.engine.kernels.bits import Bits, bitset, indices
+from cellwright.engine.model.ground_task import GroundOperator, GroundTask, progress_state
+from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps, is_internal
+from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, Plan, Step, StepId
 from cellwright.kb.terms import Function
 
 SIZE = 5
@@ -20,7 +21,7 @@ FEW = st.sets(st.integers(0, SIZE - 1), max_size=2).map(bitset)
 
 
 @st.composite
-def sequences(draw: st.DrawFn) -> tuple[Task, list[GroundOperator], Bits]:
+def sequences(draw: st.DrawFn) -> tuple[GroundTask, list[GroundOperator], Bits]:
     """A task, an executable sequence of its operators, and goals that hold at its end.
 
     Few atoms hold at first, so that steps need what earlier steps add.
@@ -33,9 +34,9 @@ def sequences(draw: st.DrawFn) -> tuple[Task, list[GroundOperator], Bits]:
         held = tuple(draw(st.lists(st.sampled_from(RESOURCES), max_size=1)))
         made = Function(f"o{number}")
         steps.append(GroundOperator(made, needed, added, deleted, (), held, number, number + 2))
-        state = progress(state, steps[-1])
+        state = progress_state(state, steps[-1])
     goals = draw(st.integers(0, (1 << SIZE) - 1)) & state
-    return Task(ATOMS, tuple(steps), initial, (goals,), (1,) * SIZE), steps, goals
+    return GroundTask(ATOMS, tuple(steps), initial, (goals,), (1,) * SIZE), steps, goals
 
 
 def denied(operator: GroundOperator) -> Bits:
@@ -49,7 +50,7 @@ def may_overlap(one: GroundOperator, other: GroundOperator) -> bool:
     return apart and not set(one.resources) & set(other.resources)
 
 
-def sound(task: Task, steps: list[GroundOperator], plan: Plan) -> bool:
+def sound(task: GroundTask, steps: list[GroundOperator], plan: Plan) -> bool:
     """Whether unordered steps may overlap, and every link is kept in every order."""
     before = plan.predecessors()
     ids = [step.id for step in plan.steps]
@@ -59,11 +60,15 @@ def sound(task: Task, steps: list[GroundOperator], plan: Plan) -> bool:
             return False
     for link in plan.links:
         atom = task.atoms.index(link.condition)
-        if link.consumer != GOAL and link.producer != START and link.producer not in before[link.consumer]:
+        if (
+            link.consumer != GOAL_STEP
+            and link.producer != INITIAL_STEP
+            and link.producer not in before[link.consumer]
+        ):
             return False
         for other in ids:
-            early = link.producer != START and other in before[link.producer]
-            late = link.consumer != GOAL and link.consumer in before[other]
+            early = link.producer != INITIAL_STEP and other in before[link.producer]
+            late = link.consumer != GOAL_STEP and link.consumer in before[other]
             if other in (link.producer, link.consumer) or early or late:
                 continue
             if denied(made[other]) >> atom & 1:
@@ -84,32 +89,36 @@ def orders(plan: Plan) -> list[list[int]]:
 
 @given(sequences())
 @MANY
-def test_every_order_executes_and_ends_in_the_goals(case: tuple[Task, list[GroundOperator], Bits]) -> None:
+def test_every_order_executes_and_ends_in_the_goals(
+    case: tuple[GroundTask, list[GroundOperator], Bits],
+) -> None:
     task, steps, goals = case
-    plan = deorder(task, steps, goals)
+    plan = deorder_steps(task, steps, goals)
     assert sound(task, steps, plan)
     for order in orders(plan):
         state = task.initial
         for position in order:
             assert steps[position].preconditions & ~state == 0
-            state = progress(state, steps[position])
+            state = progress_state(state, steps[position])
         assert goals & ~state == 0
 
 
 @given(sequences())
 @MANY
-def test_steps_keep_what_they_are(case: tuple[Task, list[GroundOperator], Bits]) -> None:
+def test_steps_keep_what_they_are(case: tuple[GroundTask, list[GroundOperator], Bits]) -> None:
     task, steps, goals = case
-    found = [(s.id, s.operator, s.resources, s.duration, s.cost) for s in deorder(task, steps, goals).steps]
+    found = [
+        (s.id, s.operator, s.resources, s.duration, s.cost) for s in deorder_steps(task, steps, goals).steps
+    ]
     assert found == [(n, o.instance, o.resources, o.duration, o.cost) for n, o in enumerate(steps, 1)]
 
 
 @given(sequences())
 @MANY
-def test_no_order_is_left_that_nothing_needs(case: tuple[Task, list[GroundOperator], Bits]) -> None:
+def test_no_order_is_left_that_nothing_needs(case: tuple[GroundTask, list[GroundOperator], Bits]) -> None:
     """Neither one that follows from others, nor one without which the plan is as sound."""
     task, steps, goals = case
-    plan = deorder(task, steps, goals)
+    plan = deorder_steps(task, steps, goals)
     before = plan.predecessors()
     for place, step in enumerate(plan.steps):
         assert list(step.after) == sorted(set(step.after))
@@ -137,20 +146,22 @@ def _exactly(plan: Plan, steps: list[Step]) -> Plan:
 @given(sequences())
 @MANY
 def test_each_condition_is_linked_to_the_earliest_step_that_provides_it_for_good(
-    case: tuple[Task, list[GroundOperator], Bits],
+    case: tuple[GroundTask, list[GroundOperator], Bits],
 ) -> None:
     task, steps, goals = case
     states = [task.initial]
     for step in steps:
-        states.append(progress(states[-1], step))
+        states.append(progress_state(states[-1], step))
     expected = []
     for place, needed in enumerate([*(step.preconditions for step in steps), goals]):
         for atom in indices(needed):
             first = place
             while first and states[first - 1] >> atom & 1:
                 first -= 1
-            expected.append((first, task.atoms[atom], place + 1 if place < len(steps) else GOAL))
-    found = [(link.producer, link.condition, link.consumer) for link in deorder(task, steps, goals).links]
+            expected.append((first, task.atoms[atom], place + 1 if place < len(steps) else GOAL_STEP))
+    found = [
+        (link.producer, link.condition, link.consumer) for link in deorder_steps(task, steps, goals).links
+    ]
     assert sorted(found, key=str) == sorted(expected, key=str)
     assert len(set(found)) == len(found)
 
@@ -159,8 +170,8 @@ def operator(name: str, needs: set[int], adds: set[int], deletes: tuple[int, ...
     return GroundOperator(Function(name), bitset(needs), bitset(adds), bitset(deletes))
 
 
-def task_of(*steps: GroundOperator, initial: Bits = 0, atoms: tuple[Function, ...] = ATOMS) -> Task:
-    return Task(atoms, steps, initial, (0,), (1,) * len(atoms))
+def task_of(*steps: GroundOperator, initial: Bits = 0, atoms: tuple[Function, ...] = ATOMS) -> GroundTask:
+    return GroundTask(atoms, steps, initial, (0,), (1,) * len(atoms))
 
 
 def test_internal_steps_and_conditions_are_left_out() -> None:
@@ -168,11 +179,11 @@ def test_internal_steps_and_conditions_are_left_out() -> None:
     atoms = (Function("p"), Function("_goal"), Function("_stage", (Function("c"),)))
     make = operator("make", set(), {0, 2})
     note = GroundOperator(Function("_note"), bitset([0, 2]), bitset([1]), 0)
-    plan = deorder(task_of(make, note, atoms=atoms), [make, note], bitset([1]))
+    plan = deorder_steps(task_of(make, note, atoms=atoms), [make, note], bitset([1]))
     assert [str(step.operator) for step in plan.steps] == ["make"]
     assert {(link.producer, str(link.condition), link.consumer) for link in plan.links} == {
-        (1, "p", GOAL),
-        (1, "_stage(c)", GOAL),
+        (1, "p", GOAL_STEP),
+        (1, "_stage(c)", GOAL_STEP),
     }
     assert is_internal(Function("_note"))
     assert not is_internal(Function("_stage"))
@@ -183,14 +194,14 @@ def test_a_condition_that_two_internal_steps_need_is_linked_once() -> None:
     atoms = (Function("p"), Function("_one"), Function("_two"))
     make = operator("make", set(), {0})
     notes = [GroundOperator(Function(f"_note{n}"), bitset([0]), bitset([n]), 0) for n in (1, 2)]
-    plan = deorder(task_of(make, *notes, atoms=atoms), [make, *notes], bitset([0, 1, 2]))
+    plan = deorder_steps(task_of(make, *notes, atoms=atoms), [make, *notes], bitset([0, 1, 2]))
     assert len(plan.links) == 1
 
 
 def test_an_internal_condition_that_holds_at_first_is_linked_to_nothing() -> None:
     atoms = (Function("p"), Function("_ready"))
     make = operator("make", {1}, {0})
-    plan = deorder(task_of(make, initial=bitset([1]), atoms=atoms), [make], bitset([0, 1]))
+    plan = deorder_steps(task_of(make, initial=bitset([1]), atoms=atoms), [make], bitset([0, 1]))
     assert [str(link.condition) for link in plan.links] == ["p"]
 
 
@@ -201,7 +212,7 @@ def test_an_internal_condition_that_holds_at_first_is_linked_to_nothing() -> Non
         ((), (0, 3, 5), 2),  # the first ends at 6
         ((), (2, 4, 6), 2),  # the other ends as the consumer starts
         ((), (1, 4, 5), 1),  # none has ended: the earlier one
-        ((0,), (9, 9, 0), START),  # the initial state is always there
+        ((0,), (9, 9, 0), INITIAL_STEP),  # the initial state is always there
     ],
 )
 def test_with_starts_a_condition_is_linked_to_a_step_that_has_ended(
@@ -209,5 +220,5 @@ def test_with_starts_a_condition_is_linked_to_a_step_that_has_ended(
 ) -> None:
     long, short = operator("long", set(), {0}), operator("short", set(), {0})
     steps = [replace(long, duration=6), replace(short, duration=2), operator("use", {0}, {1})]
-    plan = deorder(task_of(*steps, initial=bitset(initial)), steps, bitset([1]), starts)
+    plan = deorder_steps(task_of(*steps, initial=bitset(initial)), steps, bitset([1]), starts)
     assert [link.producer for link in plan.links if link.consumer == 3] == [producer]

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.model.task import Bits, GroundOperator, bitset, indices
+from cellwright.engine.kernels.bits import Bits, bitset, indices
+from cellwright.engine.model.ground_task import GroundOperator
+from cellwright.engine.stages.planning.delete_relaxation import UNREACHABLE_COST, Relaxation
 from cellwright.engine.stages.planning.regression import expansion
-from cellwright.engine.stages.planning.relaxed import FAR, Relaxation
 from cellwright.kb.terms import Function
 from tests.engine.interpreted import interpreted
 
@@ -86,7 +87,7 @@ def plainly(
     st.lists(st.integers(0, 3), min_size=SIZE, max_size=SIZE),
     sets,
     sets,
-    st.sampled_from([4, 9, FAR]),
+    st.sampled_from([4, 9, UNREACHABLE_COST]),
 )
 def test_successors_agree_with_their_definition(
     module: ModuleType,

@@ -9,20 +9,20 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.replay import instances, reached_goals, replayed
-from cellwright.engine.model.task import GroundOperator, Task, bitset
-from cellwright.engine.pipelines.planning import check_plan
-from cellwright.engine.pipelines.timetable.blocked import operators_of
+from cellwright.engine.kernels.bits import bitset
+from cellwright.engine.model.ground_task import GroundOperator, GroundTask
+from cellwright.engine.model.workflow_replay import operators_by_instance, reached_goals, replay_instances
+from cellwright.engine.pipelines.planning.plan_files import check_plan
+from cellwright.engine.pipelines.planning.timetable.block_schedule import operators_of
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning.effort import Effort
-from cellwright.engine.stages.planning.elimination import reached
-from cellwright.engine.stages.planning.improvement.batches import fewer, needed
-from cellwright.engine.stages.planning.improvement.deorder import deorder
-from cellwright.engine.stages.planning.improvement.needless import without_needless
-from cellwright.engine.stages.planning.variants import plainly
+from cellwright.engine.stages.planning.action_elimination import achieved_goal, without_needless
+from cellwright.engine.stages.planning.effect_variants import plain_steps
+from cellwright.engine.stages.planning.improvement.batch_reduction import needed_steps, reduce_batches
+from cellwright.engine.stages.planning.improvement.plan_reordering import deorder_steps
+from cellwright.engine.stages.planning.search_control import Effort
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function
 
 DOMAIN = """
@@ -72,9 +72,9 @@ def problem(tmp_path: Path) -> Problem:
     return load_problem(tmp_path / "problems" / "one.yaml")
 
 
-def steps_of(task: Task, said: tuple[str, ...]) -> list[GroundOperator]:
+def steps_of(task: GroundTask, said: tuple[str, ...]) -> list[GroundOperator]:
     names = [term for each in said if isinstance(term := ground_term(each), Function)]
-    found = replayed(task, instances(task), task.initial, names)
+    found = replay_instances(task, operators_by_instance(task), task.initial, names)
     assert found is not None
     return found
 
@@ -104,16 +104,16 @@ def test_where_a_stage_must_wait_the_steps_stay_as_they_are(problem: Problem) ->
         state = task.after(state, step)
     here = bitset([n for n, atom in enumerate(task.atoms) if atom.name in ("_stage", "sealed")]) & state
     waiting = replace(task, goals=(here,))  # p is sealed, and its stage is not reached
-    assert needed(waiting, steps, Effort(1 << 30)) == steps
+    assert needed_steps(waiting, steps, Effort(1 << 30)) == steps
 
 
 def test_another_order_may_reach_a_stage_with_an_earlier_step(problem: Problem) -> None:
     task = ground(problem)
-    made = plainly(task, steps_of(task, ROUNDABOUT[:4] + ROUNDABOUT[6:]))
-    steps, goals = operators_of(task, deorder(task, made, reached(task, made)))
+    made = plain_steps(task, steps_of(task, ROUNDABOUT[:4] + ROUNDABOUT[6:]))
+    steps, goals = operators_of(task, deorder_steps(task, made, achieved_goal(task, made)))
     order = [2, 0, 1, 3, 4, 5]  # p is dosed before it is sealed for the first time
     assert [str(steps[n].instance) for n in order[:4]] == ["dose(p)", "seal(p)", "unseal(p)", "seal(p)"]
-    plan = deorder(task, [steps[n] for n in order], goals, [100 * n for n in range(6)])
+    plan = deorder_steps(task, [steps[n] for n in order], goals, [100 * n for n in range(6)])
     assert check_plan(problem, plan) == []
 
 
@@ -132,7 +132,7 @@ def test_whatever_is_dropped_from_a_walk_to_the_goals_leaves_one(seed: int) -> N
         walk.append(chance.choice(able))
         state = task.after(state, walk[-1])
     assume(reached_goals(task, state) is not None)
-    for steps in fewer(task, walk, Effort(3000)):
+    for steps in reduce_batches(task, walk, Effort(3000)):
         state = task.initial
         for step in steps:
             assert not step.preconditions & ~state

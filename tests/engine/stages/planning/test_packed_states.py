@@ -8,15 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.formats.interop.pddl import read_pddl
+from cellwright.engine.formats.interop.pddl import read_pddl_task
+from cellwright.engine.model.ground_task import GroundTask
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.model.task import Task
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits
+from cellwright.engine.stages.planning import SearchLimits
 from cellwright.engine.stages.planning.forward import transitions
-from cellwright.engine.stages.planning.forward.dominance import Fronts, resources
-from cellwright.engine.stages.planning.forward.space import Space
+from cellwright.engine.stages.planning.forward.packed_states import (
+    PackedSpace,
+    ParetoFronts,
+    monotone_quantities,
+)
 from tests.engine.interpreted import interpreted
 from tests.properties.test_quantities import cases, loaded
 
@@ -30,7 +33,7 @@ BOTH = pytest.mark.parametrize(
 def test_packed_states_follow_those_of_the_task(case: tuple[str, str], choices: list[int]) -> None:
     with TemporaryDirectory() as folder:
         task = ground(loaded(*case, folder))
-    space = Space(task.operators, len(task.atoms), task.axioms)
+    space = PackedSpace(task.operators, len(task.atoms), task.axioms)
     state = task.initial
     packed = space.packed(state)
     for choice in choices:
@@ -47,7 +50,7 @@ def test_packed_states_follow_those_of_the_task(case: tuple[str, str], choices: 
         assert all(own[n] == space.values(packed)[n] for n in compared(task))
 
 
-def compared(task: Task) -> set[int]:
+def compared(task: GroundTask) -> set[int]:
     assert task.axioms is not None
     return {level.number for test in task.axioms.tests for level, _ in test.sum.parts}
 
@@ -59,7 +62,7 @@ def test_a_state_is_left_out_if_one_at_least_as_good_was_met(
     module: ModuleType, pairs: list[tuple[int, int, int]]
 ) -> None:
     """Two quantities, of the first more is better, of the second less; atoms 0 and 1 are fluents, atom 2 is derived."""
-    fronts = Fronts(module.Dominance(bytes([0b011, *[0] * 7]), [1, -1]))
+    fronts = ParetoFronts(module.Dominance(bytes([0b011, *[0] * 7]), [1, -1]))
     met: list[tuple[int, int, int]] = []
     for atoms, more, less in pairs:
         numbers = b"".join(each.to_bytes(8, "little", signed=True) for each in (more, less))
@@ -91,11 +94,11 @@ DAY = """
 def test_more_of_what_is_only_asked_for_in_one_direction_is_better(tmp_path: Path) -> None:
     (tmp_path / "domain.pddl").write_text(POWER)
     (tmp_path / "problem.pddl").write_text(DAY)
-    problem = read_pddl(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem
+    problem = read_pddl_task(tmp_path / "domain.pddl", tmp_path / "problem.pddl").problem
     task = ground(problem)
     assert task.axioms is not None
-    found = resources(task.operators, task.goals[0], task.axioms)
+    found = monotone_quantities(task.operators, task.goals[0], task.axioms)
     assert {level.quantity.name: sign for level, sign in found.items()} == {"funds": 1, "stored": 1}
-    outcome = planning.plan(problem, Limits(strategy="novelty"))
+    outcome = checked_plan.plan_problem(problem, SearchLimits(strategy="novelty"))
     assert isinstance(outcome, Found)
     assert [each.operator.name for each in outcome.plan.steps] == ["wait", "pump", "wait", "generate"]

@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.explanation import Amendment, Edit
+from cellwright.engine.model.ground_task import GroundOperator
 from cellwright.engine.model.outcome import Found, Infeasible
-from cellwright.engine.model.task import GroundOperator
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.explanation.amendments import changed
+from cellwright.engine.model.plan_explanation import Amendment, Edit
+from cellwright.engine.pipelines.explanation.amendments import apply_amendment
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits
-from cellwright.engine.stages.planning.consistency import Proof
-from cellwright.engine.stages.planning.effort import NO_PLAN, Effort
+from cellwright.engine.stages.planning import SearchLimits
+from cellwright.engine.stages.planning.search_control import NO_PLAN, Effort
+from cellwright.engine.stages.planning.unsolvability import UnsolvabilityProof
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number
 
 HOARD = """
@@ -70,7 +70,7 @@ def divisible(weights: Sequence[int]) -> bool:
 
 @pytest.mark.parametrize("weights", [(12, 12, 14, 14), (12, 14, 26, 26), (0, 12, 14, 14), (0, 14, 14, 14)])
 def test_tubes_have_a_plan_if_they_can_be_spun_in_balanced_groups(weights: tuple[int, ...]) -> None:
-    outcome = planning.plan(weighed("centrifuge/four", weights), Limits(expansions=20_000))
+    outcome = checked_plan.plan_problem(weighed("centrifuge/four", weights), SearchLimits(expansions=20_000))
     assert isinstance(outcome, Found if divisible(weights) else Infeasible)
 
 
@@ -78,23 +78,23 @@ def test_tubes_have_a_plan_if_they_can_be_spun_in_balanced_groups(weights: tuple
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.integers(0, 5), min_size=4, max_size=4))
 def test_whether_tubes_can_be_spun_is_decided_for_all_weights(weights: list[int]) -> None:
-    outcome = planning.plan(weighed("centrifuge/four", weights), Limits(expansions=50_000))
+    outcome = checked_plan.plan_problem(weighed("centrifuge/four", weights), SearchLimits(expansions=50_000))
     assert isinstance(outcome, Found if divisible(weights) else Infeasible)
 
 
 def test_one_tube_of_eight_that_finds_no_partner_is_proved_without_search() -> None:
     weights = (0, 12, 14, 14, 12, 12, 14, 14)
     assert not divisible(weights)
-    outcome = planning.plan(weighed("centrifuge/eight", weights), Limits(doubtful=True))
+    outcome = checked_plan.plan_problem(weighed("centrifuge/eight", weights), SearchLimits(doubtful=True))
     assert isinstance(outcome, Infeasible)
     assert outcome.statistics.counts["expanded"] == 0
 
 
 def test_what_no_state_allows_is_proved_with_derived_atoms_as_they_are_defined() -> None:
-    problem = planning.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
-    assert Proof(ground(problem)).run(MANY) is NO_PLAN
-    both = planning.problem_of("centrifuge/four", command="spin tube 1 and tube 2 for 5 min")
-    assert Proof(ground(both)).run(MANY) is None
+    problem = checked_plan.problem_of("centrifuge/four", command="spin tube 1 for 5 min")
+    assert UnsolvabilityProof(ground(problem)).run(MANY) is NO_PLAN
+    both = checked_plan.problem_of("centrifuge/four", command="spin tube 1 and tube 2 for 5 min")
+    assert UnsolvabilityProof(ground(both)).run(MANY) is None
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,9 @@ def test_what_no_state_allows_is_proved_with_derived_atoms_as_they_are_defined()
 def test_goals_that_no_values_of_quantities_allow_are_proved_to_exclude_each_other(
     goals: str, proved: bool
 ) -> None:
-    outcome = planning.plan(planning.problem_of("centrifuge/four", goals=goals), Limits(doubtful=True))
+    outcome = checked_plan.plan_problem(
+        checked_plan.problem_of("centrifuge/four", goals=goals), SearchLimits(doubtful=True)
+    )
     assert isinstance(outcome, Infeasible if proved else Found)
     assert outcome.statistics.counts["expanded"] == 0
 
@@ -117,12 +119,12 @@ def test_numbers_that_are_too_large_for_the_solver_are_left_to_the_search(tmp_pa
     (tmp_path / "domain.yaml").write_text(HOARD)
     problem = "problem: p\ndomain: hoard\ninitial: ['gold(2000000000), silver(2000000000)']\ngoals: [shut]\n"
     (tmp_path / "p.yaml").write_text(problem)
-    assert Proof(ground(load_problem(str(tmp_path / "p.yaml")))).run(MANY) is None
+    assert UnsolvabilityProof(ground(load_problem(str(tmp_path / "p.yaml")))).run(MANY) is None
 
 
 def test_an_effect_that_never_happens_is_left_out_and_one_that_may_stays() -> None:
     light: Atom = Function("weight", (Function("tube_1"), Number(12)))
-    problem = changed(load_problem("centrifuge/four"), Amendment((Edit("static", None, light),)))
+    problem = apply_amendment(load_problem("centrifuge/four"), Amendment((Edit("static", None, light),)))
     task = ground(problem)
     spins = [each for each in task.operators if each.instance.name == "spin"]
     moved = {str(atom) for each in spins for atom in task.names(_added(each))}

@@ -3,14 +3,19 @@
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.task import Task
-from cellwright.engine.pipelines.planning import problem_of
+from cellwright.engine.model.ground_task import GroundTask
+from cellwright.engine.pipelines.planning.checked_plan import problem_of
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning.effort import Effort
-from cellwright.engine.stages.planning.forward.restarts import SHORTEST, Restarts, luby
-from cellwright.engine.stages.planning.forward.search import Forward, forward
+from cellwright.engine.stages.planning.forward.forward_search import (
+    SHORTEST_RUN_EXPANSIONS,
+    ForwardSearch,
+    RestartingSearch,
+    luby_number,
+    start_forward_search,
+)
+from cellwright.engine.stages.planning.search_control import Effort
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from tests.engine.stages.planning.test_strategies import hanoi
 from tests.properties.problems import problems, shortest
 
@@ -25,7 +30,7 @@ def lengths(known: int) -> list[int]:
 
 def test_lengths_are_those_of_luby() -> None:
     assert lengths(7) == [1, 1, 2, 1, 1, 2, 4]
-    assert [luby(number) for number in range(1, 200)] == lengths(199)
+    assert [luby_number(number) for number in range(1, 200)] == lengths(199)
 
 
 @given(st.one_of(problems(), problems(conditional=True), problems(deductive=True)))
@@ -41,10 +46,10 @@ def test_short_searches_agree_with_brute_force(problem: Problem) -> None:
     assert (answer.steps is None) == (shortest(problem) is None)
 
 
-def runs_of(task: Task) -> Restarts:
+def runs_of(task: GroundTask) -> RestartingSearch:
     """Runs with and without landmarks."""
-    searches = [forward(task, 0), forward(task, 0, landmarks=True)]
-    return Restarts([lambda: searches[0], lambda: searches[1]])
+    searches = [start_forward_search(task, 0), start_forward_search(task, 0, landmarks=True)]
+    return RestartingSearch([lambda: searches[0], lambda: searches[1]])
 
 
 def test_a_run_that_is_interrupted_goes_on_where_it_was() -> None:
@@ -63,20 +68,20 @@ def test_a_run_that_is_interrupted_goes_on_where_it_was() -> None:
 def test_a_run_is_given_up_after_its_length_and_the_next_one_begins_anew() -> None:
     task, begun = hanoi(10), list[int]()  # no plan has fewer than 1023 steps
 
-    class Watched(Forward):
-        def again(self, seed: int) -> Forward:
+    class Watched(ForwardSearch):
+        def again(self, seed: int) -> ForwardSearch:
             begun.append(seed)
             return super().again(seed)
 
     search = Watched(task.operators, task.initial, task.goals[0], len(task.atoms))
-    runs = Restarts([lambda: search])
+    runs = RestartingSearch([lambda: search])
     effort = Effort(0)
     for expansions, number in (
         (1, 1),
-        (SHORTEST, 1),
-        (SHORTEST + 1, 2),
-        (4 * SHORTEST, 3),
-        (4 * SHORTEST + 1, 4),
+        (SHORTEST_RUN_EXPANSIONS, 1),
+        (SHORTEST_RUN_EXPANSIONS + 1, 2),
+        (4 * SHORTEST_RUN_EXPANSIONS, 3),
+        (4 * SHORTEST_RUN_EXPANSIONS + 1, 4),
     ):
         effort.limit = expansions
         assert runs.run(effort) is None

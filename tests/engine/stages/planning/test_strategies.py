@@ -4,17 +4,18 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from cellwright.engine.kernels.bits import bitset, indices
+from cellwright.engine.model.ground_task import GroundOperator, GroundTask
 from cellwright.engine.model.outcome import Found, GaveUp, Infeasible
-from cellwright.engine.model.task import GroundOperator, Task, bitset, indices
-from cellwright.engine.pipelines import planning
+from cellwright.engine.pipelines.planning import checked_plan
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning import Limits, plan
-from cellwright.engine.stages.planning.forward.search import Forward
+from cellwright.engine.stages.planning import SearchLimits, plan_task
+from cellwright.engine.stages.planning.effect_variants import unconditional_variants
+from cellwright.engine.stages.planning.forward.forward_search import ForwardSearch
 from cellwright.engine.stages.planning.portfolio import STRATEGIES
-from cellwright.engine.stages.planning.variants import unconditional
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.loader import load_problem
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Number
 from tests.properties.problems import problems, shortest
 
@@ -24,7 +25,7 @@ from tests.properties.problems import problems, shortest
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 def test_every_strategy_agrees_with_brute_force(strategy: str, problem: Problem) -> None:
     try:
-        outcome = planning.plan(problem, Limits(strategy=strategy))
+        outcome = checked_plan.plan_problem(problem, SearchLimits(strategy=strategy))
     except InvalidInput:
         assume(False)
     assert isinstance(outcome, Infeasible if shortest(problem) is None else Found)
@@ -36,7 +37,7 @@ def test_every_strategy_agrees_with_brute_force(strategy: str, problem: Problem)
 )
 def test_every_strategy_solves_the_cells_and_repeats(strategy: str, target: str) -> None:
     problem = load_problem(target)
-    first, second = (planning.plan(problem, Limits(strategy=strategy)) for _ in range(2))
+    first, second = (checked_plan.plan_problem(problem, SearchLimits(strategy=strategy)) for _ in range(2))
     assert isinstance(first, Found)
     assert isinstance(second, Found)
     assert first.plan == second.plan
@@ -44,7 +45,7 @@ def test_every_strategy_solves_the_cells_and_repeats(strategy: str, target: str)
 
 def test_a_seed_changes_ties_and_repeats() -> None:
     task = ground(load_problem("bulkhead/both_tools"))
-    answers = [plan(task, Limits(strategy="forward", seed=seed)) for seed in (3, 3, 4)]
+    answers = [plan_task(task, SearchLimits(strategy="forward", seed=seed)) for seed in (3, 3, 4)]
     assert all(isinstance(answer, Found) for answer in answers)
     assert answers[0] == answers[1]
 
@@ -52,7 +53,7 @@ def test_a_seed_changes_ties_and_repeats() -> None:
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
 def test_every_strategy_stops_at_its_limit(strategy: str) -> None:
     task = ground(load_problem("bulkhead/twelve_points"))
-    outcome = plan(task, Limits(expansions=3, strategy=strategy))
+    outcome = plan_task(task, SearchLimits(expansions=3, strategy=strategy))
     assert isinstance(outcome, GaveUp)
     assert outcome.limit == "expansions"
     assert outcome.statistics.counts["expanded"] <= 3
@@ -69,9 +70,9 @@ def test_the_compiled_evaluation_finds_what_is_applicable_and_reachable(
     except InvalidInput:
         assume(False)
     assume(task.goals)
-    operators = unconditional(task)
+    operators = unconditional_variants(task)
     state = data.draw(st.integers(0, (1 << len(task.atoms)) - 1))
-    search = Forward(operators, state, task.goals[0], len(task.atoms))
+    search = ForwardSearch(operators, state, task.goals[0], len(task.atoms))
     estimate, applicable, preferred = search.evaluate(search.evaluate.space.packed(state))
     plainly = [number for number, operator in enumerate(operators) if operator.preconditions & ~state == 0]
     assert sorted(applicable) == plainly
@@ -89,13 +90,13 @@ def test_the_compiled_evaluation_finds_what_is_applicable_and_reachable(
 
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
 def test_a_goal_that_holds_in_some_way_needs_no_step(strategy: str) -> None:
-    problem = planning.problem_of("bulkhead/one_point", goals="holding(t3_746, _)")
-    outcome = planning.plan(problem, Limits(strategy=strategy))
+    problem = checked_plan.problem_of("bulkhead/one_point", goals="holding(t3_746, _)")
+    outcome = checked_plan.plan_problem(problem, SearchLimits(strategy=strategy))
     assert isinstance(outcome, Found)
     assert outcome.plan.steps == ()
 
 
-def hanoi(discs: int) -> Task:
+def hanoi(discs: int) -> GroundTask:
     """The tower of Hanoi: which disc lies on which disc or peg, and what is clear; larger things have higher numbers."""
     things = range(discs + 3)
     atoms = [Function("clear", (Number(thing),)) for thing in things]
@@ -118,13 +119,13 @@ def hanoi(discs: int) -> Task:
     ]
     start = bitset([0, discs + 1, discs + 2, *(on(disc, disc + 1) for disc in range(discs))])
     goal = bitset([on(disc, disc + 1 if disc + 1 < discs else discs + 2) for disc in range(discs)])
-    return Task(tuple(atoms), tuple(moves), start, (goal,), (1,) * len(atoms), ())
+    return GroundTask(tuple(atoms), tuple(moves), start, (goal,), (1,) * len(atoms), ())
 
 
 def test_a_roundabout_plan_gives_way_to_a_shorter_one() -> None:
     lengths = {}
     for strategy in ("auto", "backward", "landmarks"):
-        outcome = plan(hanoi(6), Limits(strategy=strategy))
+        outcome = plan_task(hanoi(6), SearchLimits(strategy=strategy))
         assert isinstance(outcome, Found)
         lengths[strategy] = len(outcome.plan.steps)
     assert 63 <= lengths["auto"] <= min(lengths["landmarks"], lengths["backward"])

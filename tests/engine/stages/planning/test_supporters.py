@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.model.task import Bits, GroundOperator, bitset, indices
+from cellwright.engine.kernels.bits import Bits, bitset, indices
+from cellwright.engine.model.ground_task import GroundOperator
 from cellwright.engine.stages.planning import supporters
-from cellwright.engine.stages.planning.relaxed import FAR, Relaxation
+from cellwright.engine.stages.planning.delete_relaxation import UNREACHABLE_COST, Relaxation
 from cellwright.kb.terms import Function
 from tests.engine.interpreted import interpreted
 
@@ -48,7 +49,7 @@ def plainly(adders: list[Adder], initial: set[int], bound: int) -> list[int]:
             used.add(number)
             cost = charge + sum(settled[atom] for atom in need)
             for atom in add if end <= bound else ():
-                if cost < best.get(atom, FAR):
+                if cost < best.get(atom, UNREACHABLE_COST):
                     best[atom], supporter[atom], depth[atom] = cost, number, end
                     heapq.heappush(queue, (cost, atom))
 
@@ -62,7 +63,11 @@ def plainly(adders: list[Adder], initial: set[int], bound: int) -> list[int]:
 
 
 @BOTH
-@given(adders=operators, initial=st.sets(st.integers(0, SIZE - 1)), bound=st.sampled_from([1, 3, 6, FAR]))
+@given(
+    adders=operators,
+    initial=st.sets(st.integers(0, SIZE - 1)),
+    bound=st.sampled_from([1, 3, 6, UNREACHABLE_COST]),
+)
 def test_supporters_agree_with_a_plain_search(
     module: ModuleType, adders: list[Adder], initial: set[int], bound: int
 ) -> None:
@@ -80,7 +85,7 @@ def test_costs_that_double_with_every_step_are_cut_off(module: ModuleType) -> No
     add = [[2 * place + 2 + side] for place in range(length) for side in (0, 1)]
     users = [[number for number, each in enumerate(need) if atom in each] for atom in range(2 * length + 2)]
     search = module.Supporters([1] * len(need), need, add, users)
-    found = search.spread(bytes([3]) + bytes(len(users) // 8), FAR)
+    found = search.spread(bytes([3]) + bytes(len(users) // 8), UNREACHABLE_COST)
     assert found == [-1, -1, *range(2 * length)]
 
 
@@ -93,7 +98,7 @@ def test_a_relaxed_plan_costs_what_its_supporters_cost(
         for number, (charge, need, add) in enumerate(adders)
     ]
     plans = Relaxation(grounded, SIZE).plans(bitset(sorted(initial)))
-    chosen, reachable = needed_for(adders, plainly(adders, initial, FAR), initial, goals)
+    chosen, reachable = needed_for(adders, plainly(adders, initial, UNREACHABLE_COST), initial, goals)
     made = plans.plan(bitset(sorted(goals)))
     assert (made is not None) == reachable
     assert made is None or made.bit_count() == sum(adders[number].charge for number in chosen)

@@ -5,13 +5,17 @@ from unittest.mock import patch
 from hypothesis import HealthCheck, assume, given, settings
 
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.planning.effort import Effort
-from cellwright.engine.stages.planning.forward.search import LARGEST, _numbers
-from cellwright.engine.stages.planning.regression.mutexes import mutexes
-from cellwright.engine.stages.planning.regression.searches import BestFirst, _short
-from cellwright.engine.stages.planning.regression.space import Backward, Regression
+from cellwright.engine.stages.planning.forward.forward_search import MAX_SMALL_NUMBER, _pack_numbers
+from cellwright.engine.stages.planning.regression.backward_search import (
+    BackwardSpace,
+    BestFirstRegression,
+    Regression,
+    _conditions_key,
+)
+from cellwright.engine.stages.planning.regression.mutex_pairs import find_mutexes
+from cellwright.engine.stages.planning.search_control import Effort
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.planning_problem import Problem
 from tests.properties.problems import problems
 
 SOME = settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
@@ -25,23 +29,23 @@ def test_backward_search_with_digests_takes_the_same_steps_as_with_the_condition
     except InvalidInput:
         assume(False)
         return
-    space = Backward(Regression(task.operators, task.weights, mutexes(task)), task.initial)
+    space = BackwardSpace(Regression(task.operators, task.weights, find_mutexes(task)), task.initial)
     roots = [root for goal in task.goals if (root := space.root(goal)) is not None]
     efforts = [Effort(1000), Effort(1000)]
-    plain = BestFirst(space, roots, 5).run(efforts[0])
-    with patch("cellwright.engine.stages.planning.regression.searches.SHORT", -1):
-        assert BestFirst(space, roots, 5).run(efforts[1]) == plain
+    plain = BestFirstRegression(space, roots, 5).run(efforts[0])
+    with patch("cellwright.engine.stages.planning.regression.backward_search.SHORT_CONDITION_BITS", -1):
+        assert BestFirstRegression(space, roots, 5).run(efforts[1]) == plain
     assert efforts[0].generated == efforts[1].generated
 
 
 def test_long_conditions_become_short_and_different_ones_stay_different() -> None:
     many = [1 << 20_000 | 1 << place for place in range(1000)]
-    found = {_short(each) for each in many}
+    found = {_conditions_key(each) for each in many}
     assert len(found) == 1000
     assert all(isinstance(each, bytes) and len(each) == 16 for each in found)
 
 
 def test_successors_that_wait_take_four_bytes_each_and_numbers_of_any_size_are_kept() -> None:
-    assert _numbers([3, 1, 2]).tolist() == [2, 1, 3]
-    assert _numbers([3, 1, 2]).itemsize == 4
-    assert _numbers([LARGEST + 1, 5]).tolist() == [5, LARGEST + 1]
+    assert _pack_numbers([3, 1, 2]).tolist() == [2, 1, 3]
+    assert _pack_numbers([3, 1, 2]).itemsize == 4
+    assert _pack_numbers([MAX_SMALL_NUMBER + 1, 5]).tolist() == [5, MAX_SMALL_NUMBER + 1]

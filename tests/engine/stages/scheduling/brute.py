@@ -3,8 +3,7 @@
 import itertools
 from collections.abc import Iterator
 
-from cellwright.engine.model.schedule import Adjustment, Schedule
-from cellwright.engine.model.shop import Changeover, Device, Shop
+from cellwright.engine.model.shop_scheduling import Adjustment, Changeover, Schedule, Shop, ShopDevice
 from cellwright.engine.stages.scheduling.checker import check_schedule
 
 
@@ -37,7 +36,7 @@ def complete(shop: Shop, starts: dict[str, int], made: tuple[Adjustment, ...]) -
     return Schedule(starts, made, max([0, *ends.values(), *(each.end for each in made)]), 0, late)
 
 
-def adjustments(device: Device, until: int, most: int = 3) -> Iterator[tuple[Adjustment, ...]]:
+def adjustments(device: ShopDevice, until: int, most: int = 3) -> Iterator[tuple[Adjustment, ...]]:
     """Every sequence of at most `most` changes."""
 
     def further(setting: str, now: int, left: int) -> Iterator[tuple[Adjustment, ...]]:

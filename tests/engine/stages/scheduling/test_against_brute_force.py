@@ -4,12 +4,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Infeasible
-from cellwright.engine.model.schedule import Scheduled
-from cellwright.engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, Window
-from cellwright.engine.stages.scheduling import check_schedule, schedule
-from cellwright.engine.stages.scheduling.construct import Builder
-from cellwright.engine.stages.scheduling.estimates import Estimates
-from cellwright.engine.stages.scheduling.lags import CircularLags, Lags
+from cellwright.engine.model.shop_scheduling import (
+    Hold,
+    Need,
+    Resource,
+    Shop,
+    ShopDevice,
+    ShopJob,
+    ShopStage,
+    StageMoment,
+    StageWindow,
+    ValidSchedule,
+)
+from cellwright.engine.stages.scheduling import check_schedule, schedule_shop
+from cellwright.engine.stages.scheduling.beam_construction import Estimates, ScheduleBuilder
+from cellwright.engine.stages.scheduling.shop_analysis import CircularLags, Lags
 from tests.engine.stages.scheduling.brute import best, both_ways
 
 PLACES = ("", "here", "there")
@@ -18,7 +27,9 @@ UNTIL = 8
 
 
 @st.composite
-def stages(draw: st.DrawFn, name: str, resources: tuple[str, ...], devices: tuple[str, ...] = ()) -> Stage:
+def stages(
+    draw: st.DrawFn, name: str, resources: tuple[str, ...], devices: tuple[str, ...] = ()
+) -> ShopStage:
     lasts = draw(durations)
     needs = tuple(
         Need(device, draw(st.sampled_from(("open", "shut"))), begin, end)
@@ -27,24 +38,24 @@ def stages(draw: st.DrawFn, name: str, resources: tuple[str, ...], devices: tupl
         for begin, end in [draw(st.sampled_from(((0, lasts), (0, 1), (lasts - 1, lasts))))]
     )
     held = (draw(st.sampled_from(resources)),)
-    return Stage(name, lasts, held, needs, draw(st.sampled_from(PLACES)), draw(st.sampled_from(PLACES)))
+    return ShopStage(name, lasts, held, needs, draw(st.sampled_from(PLACES)), draw(st.sampled_from(PLACES)))
 
 
 @st.composite
 def jobs(
     draw: st.DrawFn, name: str, many: int, resources: tuple[str, ...], devices: tuple[str, ...] = ()
-) -> Job:
+) -> ShopJob:
     made = tuple(draw(stages(f"{name}{n}", resources, devices)) for n in range(many))
     due = draw(st.none() | st.integers(1, 6))
-    return Job(name, made, draw(st.integers(0, 1)), due, draw(st.integers(1, 3)))
+    return ShopJob(name, made, draw(st.integers(0, 1)), due, draw(st.integers(1, 3)))
 
 
 @st.composite
-def windows(draw: st.DrawFn, one: Stage, other: Stage) -> Window:
-    first = Moment(one.name, draw(st.sampled_from((0, one.duration))))
-    last = Moment(other.name, draw(st.sampled_from((0, other.duration))))
+def windows(draw: st.DrawFn, one: ShopStage, other: ShopStage) -> StageWindow:
+    first = StageMoment(one.name, draw(st.sampled_from((0, one.duration))))
+    last = StageMoment(other.name, draw(st.sampled_from((0, other.duration))))
     least = draw(st.integers(-2, 2))
-    return Window(first, last, least, draw(st.none() | st.integers(least, 3)))
+    return StageWindow(first, last, least, draw(st.none() | st.integers(least, 3)))
 
 
 pairs = st.tuples(st.sampled_from(PLACES[1:]), st.sampled_from(PLACES[1:]))
@@ -59,7 +70,11 @@ def shops_with_windows(draw: st.DrawFn) -> Shop:
     ties = [draw(windows(*job.stages)) for job in made]
     ties += [draw(windows(made[0].stages[0], made[1].stages[1]))] if draw(st.booleans()) else []
     holds = tuple(
-        Hold("slot", Moment(job.stages[0].name, draw(st.integers(0, 1))), Moment(job.stages[1].name, 1))
+        Hold(
+            "slot",
+            StageMoment(job.stages[0].name, draw(st.integers(0, 1))),
+            StageMoment(job.stages[1].name, 1),
+        )
         for job in made
         if draw(st.booleans())
     )
@@ -75,7 +90,7 @@ def shops_with_devices(draw: st.DrawFn) -> Shop:
     made = [draw(jobs("a", 2, ("arm", "oven"), ("door",)))]
     made += [draw(jobs("b", 1, ("arm", "oven"), ("door",)))] if two else []
     ways = both_ways("open", "shut", draw(st.integers(1, 2)), draw(st.integers(1, 2)))
-    door = Device(
+    door = ShopDevice(
         "door", "arm", draw(st.sampled_from(("open", "shut"))), ways, draw(st.sampled_from(("", "open")))
     )
     arm = Resource("arm", 1, draw(short_travels), draw(st.sampled_from(PLACES)))
@@ -83,11 +98,11 @@ def shops_with_devices(draw: st.DrawFn) -> Shop:
 
 
 def agrees(shop: Shop, until: int) -> None:
-    found = schedule(shop)
+    found = schedule_shop(shop)
     if isinstance(found, Infeasible):
         assert best(shop, until) is None
         return
-    assert isinstance(found, Scheduled)
+    assert isinstance(found, ValidSchedule)
     made = found.schedule
     assert check_schedule(shop, made) == ()
     assert made.proved
@@ -113,7 +128,7 @@ def test_schedules_with_devices_are_as_short_as_the_best_of_all(shop: Shop) -> N
 class Whole(Estimates):
     """Estimates that look at all resources after each stage."""
 
-    def _concerned(self, stage: Stage) -> list[str]:
+    def _concerned(self, stage: ShopStage) -> list[str]:
         return list(self.served) if stage else []
 
 
@@ -121,7 +136,7 @@ class Whole(Estimates):
 def test_an_estimate_need_only_look_at_what_a_stage_concerns(shop: Shop) -> None:
     lags = Lags(shop)
     try:
-        one, other = Builder(lags), Builder(lags)
+        one, other = ScheduleBuilder(lags), ScheduleBuilder(lags)
         other.estimates = Whole(lags)
         found = [one.beam(width) for width in (1, 6)]
     except CircularLags:

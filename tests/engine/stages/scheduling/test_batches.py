@@ -4,12 +4,32 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.schedule import Schedule, Scheduled
-from cellwright.engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, in_order
-from cellwright.engine.stages.scheduling import ScheduleLimits, devices, horizon, schedule, solver
-from cellwright.engine.stages.scheduling.batches import batch_bound, batches
-from cellwright.engine.stages.scheduling.bounds import lower_bound
-from cellwright.engine.stages.scheduling.lags import Lags
+from cellwright.engine.model.shop_scheduling import (
+    Hold,
+    Need,
+    Resource,
+    Schedule,
+    Shop,
+    ShopDevice,
+    ShopJob,
+    ShopStage,
+    StageMoment,
+    ValidSchedule,
+    chain_windows,
+)
+from cellwright.engine.stages.scheduling import (
+    ScheduleLimits,
+    makespan_horizon,
+    schedule_shop,
+    shop_model,
+    shop_solver,
+)
+from cellwright.engine.stages.scheduling.makespan_bounds import (
+    batch_bound,
+    makespan_lower_bound,
+    service_batches,
+)
+from cellwright.engine.stages.scheduling.shop_analysis import Lags
 from tests.engine.stages.scheduling.brute import both_ways
 
 
@@ -18,19 +38,19 @@ def freezers(cold: list[int], room: int, hot: int, change: int, move: int, early
     jobs, windows, holds = [], [], []
     for n, lasts in enumerate(cold):
         into, out = Need("lid", "open", early, move), Need("lid", "open", 0, move)
-        stages = [Stage(f"into {n}", move, ("arm",), (into,))]
+        stages = [ShopStage(f"into {n}", move, ("arm",), (into,))]
         stages += [
-            Stage(f"cool {n}", lasts, (), (Need("lid", "shut", 0, lasts),)),
-            Stage(f"out {n}", move, ("arm",), (out,)),
+            ShopStage(f"cool {n}", lasts, (), (Need("lid", "shut", 0, lasts),)),
+            ShopStage(f"out {n}", move, ("arm",), (out,)),
         ]
         if hot:
-            stages = [Stage(f"start {n}", move, ("arm",)), Stage(f"heat {n}", hot), *stages]
-            holds.append(Hold("oven", Moment(f"start {n}", move - 1), Moment(f"into {n}", 1)))
-        jobs.append(Job(f"job {n}", tuple(stages)))
-        windows += in_order(jobs[-1].stages)
-        holds.append(Hold("freezer", Moment(f"into {n}", early), Moment(f"out {n}", 1)))
+            stages = [ShopStage(f"start {n}", move, ("arm",)), ShopStage(f"heat {n}", hot), *stages]
+            holds.append(Hold("oven", StageMoment(f"start {n}", move - 1), StageMoment(f"into {n}", 1)))
+        jobs.append(ShopJob(f"job {n}", tuple(stages)))
+        windows += chain_windows(jobs[-1].stages)
+        holds.append(Hold("freezer", StageMoment(f"into {n}", early), StageMoment(f"out {n}", 1)))
     resources = Resource("arm"), Resource("oven"), Resource("freezer", room)
-    lid = Device("lid", "arm", "shut", both_ways("open", "shut", change, change))
+    lid = ShopDevice("lid", "arm", "shut", both_ways("open", "shut", change, change))
     return Shop(tuple(jobs), resources, tuple(windows), tuple(holds), (lid,))
 
 
@@ -48,8 +68,10 @@ shops = st.builds(
 def optimum(shop: Shop) -> int:
     """The least makespan, proved without any bound of ours and without what batches tell the solver."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(devices, "batches", lambda _: ())
-        found = solver.improve(Lags(shop), 0, horizon(shop, None), None, ScheduleLimits())
+        patch.setattr(shop_model, "service_batches", lambda _: ())
+        found = shop_solver.improve_schedule(
+            Lags(shop), 0, makespan_horizon(shop, None), None, ScheduleLimits()
+        )
     assert isinstance(found, Schedule)
     assert found.proved
     return found.makespan
@@ -61,16 +83,16 @@ def optimum(shop: Shop) -> int:
 def test_no_schedule_ends_before_the_bound(shop: Shop) -> None:
     best = optimum(shop)
     assert batch_bound(Lags(shop)) <= best
-    assert lower_bound(Lags(shop)) <= best
-    found = schedule(shop)
-    assert isinstance(found, Scheduled)
+    assert makespan_lower_bound(Lags(shop)) <= best
+    found = schedule_shop(shop)
+    assert isinstance(found, ValidSchedule)
     assert found.schedule.makespan == best
     assert found.schedule.proved
 
 
 def test_a_freezer_for_two_serves_four_in_two_batches() -> None:
     shop = freezers([9, 9, 9, 9], 2, 0, 1, 2, 0)
-    (found,) = batches(Lags(shop))
+    (found,) = service_batches(Lags(shop))
     assert (found.device, found.setting, found.most) == ("lid", "shut", 2)
     assert found.least([9, 9, 9, 9]) == 9 + 9 + 1 + 1 + 2
     assert found.least([9, 5, 3, 1]) == 9 + 3 + 4

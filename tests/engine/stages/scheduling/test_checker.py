@@ -4,39 +4,40 @@ from dataclasses import replace
 
 import pytest
 
-from cellwright.engine.model.schedule import Adjustment, Schedule
-from cellwright.engine.model.shop import (
+from cellwright.engine.model.shop_scheduling import (
+    Adjustment,
     Changeover,
-    Device,
     Hold,
-    Job,
-    Moment,
     Need,
     Resource,
+    Schedule,
     Shop,
-    Stage,
-    Window,
+    ShopDevice,
+    ShopJob,
+    ShopStage,
+    StageMoment,
+    StageWindow,
 )
 from cellwright.engine.stages.scheduling import check_schedule
 
 OPEN, SHUT = Changeover("shut", "open", 2), Changeover("open", "shut", 2)
 SHOP = Shop(
     jobs=(
-        Job(
+        ShopJob(
             "a",
             (
-                Stage("bring", 4, ("arm",), (Need("door", "open", 2, 4),), "rack", "oven"),
-                Stage("bake", 10, (), (Need("door", "shut", 0, 10),)),
+                ShopStage("bring", 4, ("arm",), (Need("door", "open", 2, 4),), "rack", "oven"),
+                ShopStage("bake", 10, (), (Need("door", "shut", 0, 10),)),
             ),
             release=1,
             due=20,
         ),
-        Job("b", (Stage("wipe", 3, ("arm",), (), "bench", "bench"),)),
+        ShopJob("b", (ShopStage("wipe", 3, ("arm",), (), "bench", "bench"),)),
     ),
     resources=(Resource("arm", 1, {("oven", "bench"): 2, ("bench", "rack"): 1}, "rack"), Resource("oven")),
-    windows=(Window(Moment("bring", 4), Moment("bake"), 0, 5),),
-    holds=(Hold("oven", Moment("bring", 2), Moment("bake", 10)),),
-    devices=(Device("door", "arm", "shut", (OPEN, SHUT)),),
+    windows=(StageWindow(StageMoment("bring", 4), StageMoment("bake"), 0, 5),),
+    holds=(Hold("oven", StageMoment("bring", 2), StageMoment("bake", 10)),),
+    devices=(ShopDevice("door", "arm", "shut", (OPEN, SHUT)),),
 )
 GOOD = Schedule(
     {"bring": 3, "bake": 9, "wipe": 11}, (Adjustment("door", OPEN, 1), Adjustment("door", SHUT, 7)), 19, 19
@@ -79,7 +80,9 @@ def test_each_fault_is_named(schedule: Schedule, said: str | None) -> None:
 
 
 def test_empty_travel_takes_its_time() -> None:
-    shop = replace(SHOP, jobs=(*SHOP.jobs[1:], Job("c", (Stage("fetch", 1, ("arm",), (), "rack", "rack"),))))
+    shop = replace(
+        SHOP, jobs=(*SHOP.jobs[1:], ShopJob("c", (ShopStage("fetch", 1, ("arm",), (), "rack", "rack"),)))
+    )
     shop = replace(shop, windows=(), holds=(), devices=())
     early = Schedule({"wipe": 0, "fetch": 3}, (), 4, 0)
     assert check_schedule(shop, early) == ("arm needs 1 from wipe to fetch, but has 0",)
@@ -87,9 +90,9 @@ def test_empty_travel_takes_its_time() -> None:
 
 
 def test_two_objects_do_not_share_a_place() -> None:
-    stages = tuple(Stage(name, 2) for name in ("a0", "a1", "b0", "b1"))
-    jobs = Job("a", stages[:2]), Job("b", stages[2:])
-    holds = tuple(Hold("slot", Moment(f"{j}0", 1), Moment(f"{j}1", 1)) for j in "ab")
+    stages = tuple(ShopStage(name, 2) for name in ("a0", "a1", "b0", "b1"))
+    jobs = ShopJob("a", stages[:2]), ShopJob("b", stages[2:])
+    holds = tuple(Hold("slot", StageMoment(f"{j}0", 1), StageMoment(f"{j}1", 1)) for j in "ab")
     shop = Shop(jobs, (Resource("slot"),), (), holds)
     times = {"a0": 0, "a1": 4, "b0": 3, "b1": 6}
     assert "slot has capacity 1, but at 4" in check_schedule(shop, Schedule(times, (), 8, 0))[0]

@@ -7,18 +7,19 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.schedule import Adjustment, Schedule
-from cellwright.engine.model.shop import (
+from cellwright.engine.model.shop_scheduling import (
+    Adjustment,
     Changeover,
-    Device,
     Hold,
-    Job,
-    Moment,
     Need,
     Resource,
+    Schedule,
     Shop,
-    Stage,
-    Window,
+    ShopDevice,
+    ShopJob,
+    ShopStage,
+    StageMoment,
+    StageWindow,
 )
 from cellwright.engine.stages.scheduling import check_schedule
 from tests.engine.stages.scheduling.brute import complete
@@ -84,7 +85,7 @@ def crowded(shop: Shop, made: Schedule, resource: Resource) -> bool:
     return any(sum(minute in each for each in taken) > resource.capacity for minute in range(-5, 30))
 
 
-def moment(made: Schedule, when: Moment | None) -> int:
+def moment(made: Schedule, when: StageMoment | None) -> int:
     assert when is not None
     return made.starts[when.stage] + when.offset
 
@@ -109,7 +110,7 @@ def hurried(shop: Shop, made: Schedule, resource: Resource) -> bool:
     )
 
 
-def devices(shop: Shop, made: Schedule, device: Device) -> set[str]:
+def devices(shop: Shop, made: Schedule, device: ShopDevice) -> set[str]:
     """What is wrong with a device whose setting is followed from minute to minute."""
     broken = set()
     setting, free = device.initial, 0
@@ -164,7 +165,7 @@ def test_the_checker_names_the_rules_that_a_replay_finds_broken(case: tuple[Shop
 # Boundaries, one rule at a time.
 
 ARM = Resource("arm")
-ONE = Shop((Job("a", (Stage("one", 3, ("arm",)),), release=2),), (ARM,))
+ONE = Shop((ShopJob("a", (ShopStage("one", 3, ("arm",)),), release=2),), (ARM,))
 
 
 def at(*starts: int, shop: Shop = ONE, **changes: object) -> Schedule:
@@ -188,24 +189,24 @@ def test_every_stage_is_started() -> None:
     assert check_schedule(ONE, Schedule({}, (), 0, 0)) == ("one is never started",)
 
 
-PAIR = Shop((Job("a", (Stage("one", 3), Stage("two", 2))),), (Resource("slot"),))
+PAIR = Shop((ShopJob("a", (ShopStage("one", 3), ShopStage("two", 2))),), (Resource("slot"),))
 
 
 @pytest.mark.parametrize(("start", "wrong"), [(4, "at least 2"), (5, ""), (6, ""), (7, "at most 3")])
 def test_windows_are_kept_to_the_minute(start: int, wrong: str) -> None:
-    shop = replace(PAIR, windows=(Window(Moment("one", 3), Moment("two"), 2, 3),))
+    shop = replace(PAIR, windows=(StageWindow(StageMoment("one", 3), StageMoment("two"), 2, 3),))
     found = check_schedule(shop, at(0, start, shop=shop))
     assert len(found) == bool(wrong)
     assert all(wrong in each for each in found)
 
 
 def test_a_window_without_an_end_is_never_too_long() -> None:
-    shop = replace(PAIR, windows=(Window(Moment("one", 3), Moment("two"), 2),))
+    shop = replace(PAIR, windows=(StageWindow(StageMoment("one", 3), StageMoment("two"), 2),))
     assert check_schedule(shop, at(0, 500, shop=shop)) == ()
 
 
 def test_a_resource_is_taken_from_the_first_minute_to_the_last() -> None:
-    jobs = tuple(Job(name, (Stage(name, 3, ("arm",)),)) for name in ("a", "b", "c"))
+    jobs = tuple(ShopJob(name, (ShopStage(name, 3, ("arm",)),)) for name in ("a", "b", "c"))
     shop = Shop(jobs, (ARM,))
     assert check_schedule(shop, at(0, 3, 6, shop=shop)) == ()
     assert check_schedule(shop, at(0, 2, 5, shop=shop)) == ("arm has capacity 1, but at 2 it serves a, b",)
@@ -215,7 +216,7 @@ def test_a_resource_is_taken_from_the_first_minute_to_the_last() -> None:
 
 
 def test_of_each_resource_the_first_conflict_is_named() -> None:
-    jobs = tuple(Job(name, (Stage(name, 3, ("arm", "oven")),)) for name in ("a", "b", "c"))
+    jobs = tuple(ShopJob(name, (ShopStage(name, 3, ("arm", "oven")),)) for name in ("a", "b", "c"))
     shop = Shop(jobs, (ARM, Resource("oven")))
     assert check_schedule(shop, at(0, 1, 2, shop=shop)) == (
         "arm has capacity 1, but at 1 it serves a, b",
@@ -226,15 +227,24 @@ def test_of_each_resource_the_first_conflict_is_named() -> None:
 @pytest.mark.parametrize(
     ("hold", "found"),
     [
-        (Hold("slot", Moment("one", 3), Moment("two")), ()),
-        (Hold("slot", Moment("one", 3), Moment("one", 3)), ()),
-        (Hold("slot", Moment("two"), Moment("one", 3)), ("the hold of two ends at 3, before it begins",)),
-        (Hold("slot", Moment("one", 3), None), ("slot has capacity 1, but at 5 it serves hold of one, two",)),
-        (Hold("slot", None, Moment("one", 3)), ()),
-        (Hold("slot", None, Moment("two", 1)), ("slot has capacity 1, but at 5 it serves hold of two, two",)),
+        (Hold("slot", StageMoment("one", 3), StageMoment("two")), ()),
+        (Hold("slot", StageMoment("one", 3), StageMoment("one", 3)), ()),
+        (
+            Hold("slot", StageMoment("two"), StageMoment("one", 3)),
+            ("the hold of two ends at 3, before it begins",),
+        ),
+        (
+            Hold("slot", StageMoment("one", 3), None),
+            ("slot has capacity 1, but at 5 it serves hold of one, two",),
+        ),
+        (Hold("slot", None, StageMoment("one", 3)), ()),
+        (
+            Hold("slot", None, StageMoment("two", 1)),
+            ("slot has capacity 1, but at 5 it serves hold of two, two",),
+        ),
         (Hold("slot", None, None), ("slot has capacity 1, but at 5 it serves hold of no stage, two",)),
         (
-            Hold("slot", Moment("one", 3), Moment("two", 1)),
+            Hold("slot", StageMoment("one", 3), StageMoment("two", 1)),
             ("slot has capacity 1, but at 5 it serves hold of one, two",),
         ),
         (Hold("other", None, None), ()),
@@ -242,34 +252,34 @@ def test_of_each_resource_the_first_conflict_is_named() -> None:
 )
 def test_what_is_held_is_taken_from_its_beginning_to_its_end(hold: Hold, found: tuple[str, ...]) -> None:
     """A hold without a beginning is from the start, one without an end is for good."""
-    job = Job("a", (Stage("one", 3), Stage("two", 2, ("slot",))))
+    job = ShopJob("a", (ShopStage("one", 3), ShopStage("two", 2, ("slot",))))
     shop = Shop((job,), (Resource("slot"), Resource("other")), (), (hold,))
     assert check_schedule(shop, at(0, 5, shop=shop)) == found
 
 
 def test_a_hold_without_a_beginning_is_there_at_time_zero() -> None:
-    job = Job("a", (Stage("one", 1, ("slot",)), Stage("two", 2)))
-    shop = Shop((job,), (Resource("slot"),), (), (Hold("slot", None, Moment("one", 1)),))
+    job = ShopJob("a", (ShopStage("one", 1, ("slot",)), ShopStage("two", 2)))
+    shop = Shop((job,), (Resource("slot"),), (), (Hold("slot", None, StageMoment("one", 1)),))
     assert check_schedule(shop, at(0, 5, shop=shop)) == (
         "slot has capacity 1, but at 0 it serves hold of one, one",
     )
 
 
 def test_a_hold_for_good_lasts_beyond_the_end() -> None:
-    last = Job("b", (Stage("last", 1),))
-    shop = Shop((last,), (Resource("slot"),), (), (Hold("slot", Moment("last", 1), None),) * 2)
+    last = ShopJob("b", (ShopStage("last", 1),))
+    shop = Shop((last,), (Resource("slot"),), (), (Hold("slot", StageMoment("last", 1), None),) * 2)
     assert check_schedule(shop, at(4, shop=shop)) == (
         "slot has capacity 1, but at 5 it serves hold of last, hold of last",
     )
-    late = replace(shop, holds=(Hold("slot", Moment("last", 9), None),) * 2)
+    late = replace(shop, holds=(Hold("slot", StageMoment("last", 9), None),) * 2)
     assert check_schedule(late, at(4, shop=late)) == (
         "slot has capacity 1, but at 13 it serves hold of last, hold of last",
     )
 
 
 WAYS = Resource("arm", 1, {("rack", "oven"): 2, ("oven", "rack"): 3, ("oven", "bench"): 1}, "rack")
-OVEN = Stage("bake", 4, ("arm",), (), "oven", "oven")
-RACK = Stage("store", 1, ("arm",), (), "rack", "bench")
+OVEN = ShopStage("bake", 4, ("arm",), (), "oven", "oven")
+RACK = ShopStage("store", 1, ("arm",), (), "rack", "bench")
 
 
 @pytest.mark.parametrize(
@@ -282,13 +292,13 @@ RACK = Stage("store", 1, ("arm",), (), "rack", "bench")
     ],
 )
 def test_a_resource_that_travels_has_the_time_for_it(bake: int, store: int, found: tuple[str, ...]) -> None:
-    shop = Shop((Job("a", (OVEN, RACK)),), (WAYS, Resource("cart", 1, {("", ""): 99})))
+    shop = Shop((ShopJob("a", (OVEN, RACK)),), (WAYS, Resource("cart", 1, {("", ""): 99})))
     assert check_schedule(shop, at(bake, store, shop=shop)) == found
 
 
 def test_a_resource_that_changes_a_device_travels_to_it() -> None:
-    door = Device("door", "arm", "shut", (Changeover("shut", "open", 2, "oven", "bench"),))
-    shop = Shop((Job("a", (RACK,)),), (WAYS,), (), (), (door,))
+    door = ShopDevice("door", "arm", "shut", (Changeover("shut", "open", 2, "oven", "bench"),))
+    shop = Shop((ShopJob("a", (RACK,)),), (WAYS,), (), (), (door,))
     opening = Adjustment("door", door.changes[0], 3)
     assert check_schedule(shop, complete(shop, {"store": 0}, (opening,))) == ()
     assert check_schedule(shop, complete(shop, {"store": 6}, (opening,))) == ()
@@ -305,13 +315,13 @@ def test_a_resource_that_changes_a_device_travels_to_it() -> None:
 # Devices.
 
 OPEN, SHUT = Changeover("shut", "open", 2), Changeover("open", "shut", 3)
-DOOR = Device("door", "arm", "shut", (OPEN, SHUT))
+DOOR = ShopDevice("door", "arm", "shut", (OPEN, SHUT))
 
 
 def cell(begin: int = 1, end: int = 3, setting: str = "open", final: str = "") -> Shop:
     """One stage that needs a door for a part of its time."""
-    stage = Stage("bake", 4, (), (Need("door", setting, begin, end),))
-    return Shop((Job("a", (stage,)),), (ARM,), (), (), (replace(DOOR, final=final),))
+    stage = ShopStage("bake", 4, (), (Need("door", setting, begin, end),))
+    return Shop((ShopJob("a", (stage,)),), (ARM,), (), (), (replace(DOOR, final=final),))
 
 
 def doors(start: int, *changes: tuple[Changeover, int], shop: Shop | None = None) -> tuple[str, ...]:
@@ -334,7 +344,7 @@ def test_a_device_stands_as_it_is_needed_to_the_minute() -> None:
 
 
 def test_a_device_is_changed_from_where_it_is_and_once_at_a_time() -> None:
-    idle = replace(cell(), jobs=(Job("a", (Stage("bake", 4),)),))
+    idle = replace(cell(), jobs=(ShopJob("a", (ShopStage("bake", 4),)),))
     assert doors(0, (OPEN, 0), (SHUT, 2), shop=idle) == ()
     assert doors(0, (SHUT, 0), shop=idle) == ("door is not open at 0",)
     assert doors(0, (OPEN, -1), shop=idle) == ("door is not shut at -1",)
@@ -371,10 +381,10 @@ def test_the_lower_bound_is_at_most_the_makespan() -> None:
 
 def test_tardiness_is_the_weighted_sum_of_what_jobs_end_too_late() -> None:
     jobs = (
-        Job("a", (Stage("one", 3), Stage("two", 2)), due=6, priority=5),
-        Job("b", (Stage("three", 1),), due=4, priority=2),
-        Job("c", (Stage("four", 9),)),
-        Job("d", (), due=0, priority=7),
+        ShopJob("a", (ShopStage("one", 3), ShopStage("two", 2)), due=6, priority=5),
+        ShopJob("b", (ShopStage("three", 1),), due=4, priority=2),
+        ShopJob("c", (ShopStage("four", 9),)),
+        ShopJob("d", (), due=0, priority=7),
     )
     shop = Shop(jobs, ())
     starts = dict(zip(shop.stages, (6, 0, 9, 0), strict=True))
@@ -388,6 +398,6 @@ def test_tardiness_is_the_weighted_sum_of_what_jobs_end_too_late() -> None:
 def test_a_change_of_a_device_takes_only_the_resource_that_makes_it() -> None:
     """Resources before and after its name in the alphabet are free, and need no way to the device."""
     others = [Resource(name, 1, {("home", "door"): 9}, "home") for name in ("aisle", "cart")]
-    door = Device("door", "arm", "shut", (Changeover("shut", "open", 2, "door", "door"),))
-    shop = Shop((Job("a", (Stage("wait", 3, ("aisle", "cart")),)),), (ARM, *others), (), (), (door,))
+    door = ShopDevice("door", "arm", "shut", (Changeover("shut", "open", 2, "door", "door"),))
+    shop = Shop((ShopJob("a", (ShopStage("wait", 3, ("aisle", "cart")),)),), (ARM, *others), (), (), (door,))
     assert check_schedule(shop, complete(shop, {"wait": 0}, (Adjustment("door", door.changes[0], 1),))) == ()

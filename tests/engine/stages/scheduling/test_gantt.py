@@ -5,21 +5,34 @@ import xml.etree.ElementTree as ET
 
 from rich.console import Console
 
-from cellwright.engine.formats.report.gantt import BarKind, Gantt, rows, schedule_entry, summary
-from cellwright.engine.formats.report.gantt_svg import chart
-from cellwright.engine.model.schedule import Schedule
-from cellwright.engine.model.shop import Hold, Job, Moment, Resource, Shop, Stage
+from cellwright.engine.formats.report.plans.gantt_chart import (
+    BarKind,
+    GanttChart,
+    gantt_rows,
+    schedule_entry,
+    schedule_summary,
+)
+from cellwright.engine.formats.report.plans.gantt_svg import draw_gantt
+from cellwright.engine.model.shop_scheduling import (
+    Hold,
+    Resource,
+    Schedule,
+    Shop,
+    ShopJob,
+    ShopStage,
+    StageMoment,
+)
 from tests.engine.stages.scheduling.test_checker import GOOD, SHOP
 
 
 def drawn(width: int) -> list[str]:
     console = Console(width=width, color_system=None, record=True, file=io.StringIO())
-    console.print(Gantt(SHOP, GOOD, "s"))
+    console.print(GanttChart(SHOP, GOOD, "s"))
     return console.export_text().splitlines()
 
 
 def test_a_row_per_job_of_several_stages_and_per_unit_in_use() -> None:
-    made = {row.name: [(bar.start, bar.end, bar.kind) for bar in row.bars] for row in rows(SHOP, GOOD)}
+    made = {row.name: [(bar.start, bar.end, bar.kind) for bar in row.bars] for row in gantt_rows(SHOP, GOOD)}
     assert made == {
         "a": [(3, 7, BarKind.STAGE), (9, 19, BarKind.STAGE)],
         "arm": [
@@ -33,10 +46,10 @@ def test_a_row_per_job_of_several_stages_and_per_unit_in_use() -> None:
 
 
 def test_units_of_a_resource_have_rows_of_their_own() -> None:
-    jobs = tuple(Job(name, (Stage(f"{name}0", 2), Stage(f"{name}1", 2))) for name in "ab")
-    holds = tuple(Hold("slot", Moment(f"{name}0"), Moment(f"{name}1", 2)) for name in "ab")
+    jobs = tuple(ShopJob(name, (ShopStage(f"{name}0", 2), ShopStage(f"{name}1", 2))) for name in "ab")
+    holds = tuple(Hold("slot", StageMoment(f"{name}0"), StageMoment(f"{name}1", 2)) for name in "ab")
     shop = Shop(jobs, (Resource("slot", 2, units=("left", "right")),), (), holds)
-    made = rows(shop, Schedule({"a0": 0, "a1": 4, "b0": 1, "b1": 5}, (), 7, 0))
+    made = gantt_rows(shop, Schedule({"a0": 0, "a1": 4, "b0": 1, "b1": 5}, (), 7, 0))
     assert [row.name for row in made] == ["a", "b", "left", "right"]
 
 
@@ -49,22 +62,22 @@ def test_the_chart_keeps_to_the_width_and_ends_with_a_scale() -> None:
 
 
 def test_the_picture_is_xml_with_a_bar_for_everything() -> None:
-    picture = chart(SHOP, GOOD, "s")
-    assert picture == chart(SHOP, GOOD, "s")
+    picture = draw_gantt(SHOP, GOOD, "s")
+    assert picture == draw_gantt(SHOP, GOOD, "s")
     root = ET.fromstring(picture)
     titles = [each.text for each in root.iter("{http://www.w3.org/2000/svg}title")]
     assert "bake, 9 to 19" in titles
     assert "door: open, 1 to 3" in titles
-    assert titles[0] == summary(GOOD, "s")
+    assert titles[0] == schedule_summary(GOOD, "s")
     bars = [each for each in root.iter("{http://www.w3.org/2000/svg}rect") if each.get("class") == "bar"]
-    assert len(bars) == sum(len(row.bars) for row in rows(SHOP, GOOD))
+    assert len(bars) == sum(len(row.bars) for row in gantt_rows(SHOP, GOOD))
 
 
 def test_steps_of_one_operator_have_one_colour_and_a_legend() -> None:
     steps = ("1 move(a, b)", "2 look(b)", "3 move(b, a)")
-    shop = Shop(tuple(Job(each, (Stage(each, 4, ("arm",)),)) for each in steps), (Resource("arm"),))
+    shop = Shop(tuple(ShopJob(each, (ShopStage(each, 4, ("arm",)),)) for each in steps), (Resource("arm"),))
     made = Schedule({each: 4 * n for n, each in enumerate(steps)}, (), 12, 12)
-    root = ET.fromstring(chart(shop, made, "s"))
+    root = ET.fromstring(draw_gantt(shop, made, "s"))
     bars = [each for each in root.iter("{http://www.w3.org/2000/svg}rect") if each.get("class") == "bar"]
     first, look, last = sorted(bars, key=lambda each: float(each.get("x", 0)))
     assert first.get("fill") == last.get("fill") != look.get("fill")
@@ -85,5 +98,5 @@ def test_data_say_when_each_stage_is() -> None:
 
 def test_the_summary_says_what_is_known() -> None:
     open_one = Schedule({}, (), 100, 98, 3)
-    assert summary(open_one, "s") == "makespan 100 s, at least 98, gap 2.0 %, weighted tardiness 3"
-    assert summary(Schedule({}, (), 5, 5, 0, True)) == "makespan 5, proved to be the least"
+    assert schedule_summary(open_one, "s") == "makespan 100 s, at least 98, gap 2.0 %, weighted tardiness 3"
+    assert schedule_summary(Schedule({}, (), 5, 5, 0, True)) == "makespan 5, proved to be the least"

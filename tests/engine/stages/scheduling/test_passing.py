@@ -3,39 +3,39 @@
 import itertools
 import random
 
+from cellwright.engine.model.motion_values import Meetings, PassingOrder
 from cellwright.engine.model.outcome import Infeasible
-from cellwright.engine.model.passing import Meetings, Passed
-from cellwright.engine.stages.scheduling.limits import ScheduleLimits
-from cellwright.engine.stages.scheduling.passing import Crossing, passed
-from cellwright.kb.model.plan import StepId
+from cellwright.engine.stages.scheduling.arm_crossing import Crossing, schedule_crossing
+from cellwright.engine.stages.scheduling.schedule_limits import ScheduleLimits
+from cellwright.kb.model.plan_model import StepId
 
 Stay = tuple[StepId | None, StepId | None, StepId]
 
 
 def test_arms_that_never_meet_work_at_once() -> None:
-    found = passed(crossing([3, 3], [2, 4], (), ()), ScheduleLimits(1.0))
-    assert isinstance(found, Passed)
+    found = schedule_crossing(crossing([3, 3], [2, 4], (), ()), ScheduleLimits(1.0))
+    assert isinstance(found, PassingOrder)
     assert found.makespan == 6
     assert found.proved
     assert not found.orders
 
 
 def test_of_two_steps_that_meet_one_waits() -> None:
-    found = passed(crossing([3], [2], [(1, 2)], ()), ScheduleLimits(1.0))
-    assert isinstance(found, Passed)
+    found = schedule_crossing(crossing([3], [2], [(1, 2)], ()), ScheduleLimits(1.0))
+    assert isinstance(found, PassingOrder)
     assert found.makespan == 5
     assert len(found.orders) == 1
 
 
 def test_an_arm_that_rests_in_the_way_for_good_goes_last() -> None:
-    found = passed(crossing([3], [2], [(1, 2)], [("a", 1, 2)]), ScheduleLimits(1.0))
-    assert isinstance(found, Passed)
+    found = schedule_crossing(crossing([3], [2], [(1, 2)], [("a", 1, 2)]), ScheduleLimits(1.0))
+    assert isinstance(found, PassingOrder)
     assert found.orders == {(2, 1)}
 
 
 def test_two_arms_that_rest_in_each_others_way_cannot_pass() -> None:
     rests = [("a", 1, 2), ("b", 2, 1)]
-    assert isinstance(passed(crossing([3], [2], [(1, 2)], rests), ScheduleLimits(1.0)), Infeasible)
+    assert isinstance(schedule_crossing(crossing([3], [2], [(1, 2)], rests), ScheduleLimits(1.0)), Infeasible)
 
 
 def test_the_makespan_is_that_of_the_best_of_all_orders() -> None:
@@ -48,9 +48,9 @@ def test_the_makespan_is_that_of_the_best_of_all_orders() -> None:
         rests = {("a", i, j) for i, j in meets if (i + 1, j) in meets and drawn.random() < 0.5}
         rests |= {("b", j, i) for i, j in meets if (i, j + 1) in meets and drawn.random() < 0.5}
         asked = crossing(first, second, meets, rests)
-        found, least = passed(asked, ScheduleLimits(1.0)), brute(asked)
-        assert (found.makespan if isinstance(found, Passed) else None) == least
-        if isinstance(found, Passed):
+        found, least = schedule_crossing(asked, ScheduleLimits(1.0)), brute(asked)
+        assert (found.makespan if isinstance(found, PassingOrder) else None) == least
+        if isinstance(found, PassingOrder):
             assert found.lower_bound == least
             assert not any(clash(asked, stay, found.starts) for stay in stays(asked))
 

@@ -4,11 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.interop.jobshop import read_jobshop
-from cellwright.engine.formats.interop.slab import is_slab, read_slab
-from cellwright.engine.model.schedule import Scheduled
-from cellwright.engine.model.shop import Moment, Resource, Window
-from cellwright.engine.stages.scheduling import schedule
+from cellwright.engine.formats.interop.shop_files import is_slab, read_jobshop, read_slab
+from cellwright.engine.model.shop_scheduling import Resource, StageMoment, StageWindow, ValidSchedule
+from cellwright.engine.stages.scheduling import schedule_shop
 from cellwright.kb.diagnostics import InvalidInput
 
 TABLES = {
@@ -43,13 +41,13 @@ def test_tables_become_a_shop(tmp_path: Path) -> None:
     )
     assert [job.name for job in shop.jobs] == ["1", "2"]
     assert shop.stages["2.2"].duration == 3
-    assert Window(Moment("1.1", 5), Moment("1.2")) in shop.windows
-    assert Window(Moment("1.1", 5), Moment("1.2"), -1, 1) in shop.windows
+    assert StageWindow(StageMoment("1.1", 5), StageMoment("1.2")) in shop.windows
+    assert StageWindow(StageMoment("1.1", 5), StageMoment("1.2"), -1, 1) in shop.windows
 
 
 def test_boundaries_keep_two_samples_from_starting_together(tmp_path: Path) -> None:
-    found = schedule(read_slab(written(tmp_path)))
-    assert isinstance(found, Scheduled)
+    found = schedule_shop(read_slab(written(tmp_path)))
+    assert isinstance(found, ValidSchedule)
     assert found.schedule.makespan == 11
     starts = found.schedule.starts
     assert abs(starts["1.1"] - starts["2.1"]) >= 2
@@ -91,8 +89,8 @@ def test_both_notations_of_job_shops_say_the_same(tmp_path: Path) -> None:
     data.write_text(JSON)
     shop = read_jobshop(text)
     assert shop == read_jobshop(data, "small")
-    found = schedule(shop)
-    assert isinstance(found, Scheduled)
+    found = schedule_shop(shop)
+    assert isinstance(found, ValidSchedule)
     assert found.schedule.makespan == 5
 
 

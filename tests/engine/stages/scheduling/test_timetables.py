@@ -7,43 +7,43 @@ from pathlib import Path
 
 import pytest
 
-from cellwright.engine.formats.report.gantt import rows
-from cellwright.engine.model.forecast import makespan
+from cellwright.engine.formats.report.plans.gantt_chart import gantt_rows
 from cellwright.engine.model.outcome import Infeasible
-from cellwright.engine.model.schedule import Timetable
-from cellwright.engine.pipelines import planning
-from cellwright.engine.pipelines.timetable import timetable
+from cellwright.engine.model.plan_times import plan_makespan
+from cellwright.engine.model.shop_scheduling import Timetable
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.pipelines.planning.timetable import make_timetable
 from cellwright.engine.stages.scheduling import check_schedule
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.diagnostics import InvalidInput
-from cellwright.kb.loader import bundled, load_problem
-from cellwright.kb.model.plan import Plan, Step, StepId, in_sequence
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.loader import bundled_domains, load_problem
+from cellwright.kb.model.plan_model import Plan, Step, StepId, full_order
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Number
 
 
 def timed(problem: Problem) -> Timetable:
-    made = timetable(problem)
+    made = make_timetable(problem)
     assert isinstance(made, Timetable)
-    assert validate(problem, made.plan) == []
+    assert validate_plan(problem, made.plan) == []
     assert check_schedule(made.shop, made.schedule) == ()
     ends = {step.id: made.starts[step.id] + step.duration for step in made.plan.steps}
     assert all(ends[a] <= made.starts[step.id] for step in made.plan.steps for a in step.after)
     assert max(ends.values(), default=0) == made.schedule.makespan
-    assert makespan(made.plan) <= made.schedule.makespan
+    assert plan_makespan(made.plan) <= made.schedule.makespan
     return made
 
 
 @functools.cache
 def bundled_timetable(target: str) -> Timetable:
     """The timetable of a bundled problem, made once for all tests that ask for it."""
-    return timed(planning.problem_of(target))
+    return timed(checked_plan.problem_of(target))
 
 
 @pytest.mark.parametrize("target", ["themse/two", "themse/furnace_of_two"])
 def test_the_chart_shows_each_object_where_the_plan_puts_it(target: str) -> None:
     made = bundled_timetable(target)
-    charted = {row.name: row.bars for row in rows(made.shop, made.schedule)}
+    charted = {row.name: row.bars for row in gantt_rows(made.shop, made.schedule)}
     heats = [step for step in made.plan.steps if step.operator.name in ("heat", "cool")]
     assert heats
     for step in heats:
@@ -69,21 +69,21 @@ def test_the_laboratory_takes_no_longer_than_its_critical_path(target: str, leas
 
 
 def test_a_stored_plan_is_scheduled_as_well() -> None:
-    problem = planning.problem_of("themse/two")
+    problem = checked_plan.problem_of("themse/two")
     made = bundled_timetable("themse/two")
-    again = timetable(problem, made.plan)
+    again = make_timetable(problem, made.plan)
     assert isinstance(again, Timetable)
     assert again.schedule.makespan == made.schedule.makespan
 
 
 def test_what_has_no_plan_has_no_timetable() -> None:
-    assert isinstance(timetable(planning.problem_of("themse/unsolvable")), Infeasible)
+    assert isinstance(make_timetable(checked_plan.problem_of("themse/unsolvable")), Infeasible)
 
 
 def test_a_plan_without_structure_keeps_its_own_order() -> None:
-    made = timed(planning.problem_of("bulkhead/one_point"))
+    made = timed(checked_plan.problem_of("bulkhead/one_point"))
     assert made.note
-    assert made.schedule.makespan == makespan(made.plan)
+    assert made.schedule.makespan == plan_makespan(made.plan)
 
 
 @pytest.mark.slow
@@ -108,7 +108,7 @@ workflow:
 
 
 def test_chains_after_others_stay_after_them() -> None:
-    problem = planning.problem_of("themse/two")
+    problem = checked_plan.problem_of("themse/two")
     second = replace(problem.chains[1], after=(problem.chains[0].name,))
     made = timed(replace(problem, chains=(problem.chains[0], second)))
     starts = {
@@ -138,7 +138,7 @@ travel(A, B, T) :- near(A, U), near(B, V), way(U, V, T).
 def laboratory(tmp_path: Path) -> Path:
     """The laboratory with empty travel, and predicates for what else can be said about time."""
     home = tmp_path / "lab"
-    shutil.copytree(bundled()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    shutil.copytree(bundled_domains()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
     rules, domain = home / "rules.lp", home / "domain.yaml"
     rules.write_text(rules.read_text("utf-8") + RULES, "utf-8")
     text = domain.read_text("utf-8").replace("\nstatics:", f"\nstatics:{STATICS.rstrip()}", 1)
@@ -184,14 +184,14 @@ def test_release_and_due_times_are_kept_in_mind(laboratory: Path) -> None:
 
 
 def test_a_given_plan_that_is_none_gets_no_timetable_in_its_own_order() -> None:
-    problem = planning.problem_of("themse/one")
+    problem = checked_plan.problem_of("themse/one")
     plan = timed(problem).plan
     with pytest.raises(InvalidInput, match="K501"):
-        timetable(problem, Plan(tuple(replace(step, after=()) for step in plan.steps[1:])))
+        make_timetable(problem, Plan(tuple(replace(step, after=()) for step in plan.steps[1:])))
 
 
 def test_what_a_plan_does_to_no_purpose_is_left_out() -> None:
-    problem = planning.problem_of("themse/two")
+    problem = checked_plan.problem_of("themse/two")
     plan = timed(problem).plan
     place = 1 + next(n for n, step in enumerate(plan.steps) if step.operator.name == "open_drawer")
     where = Function("slot", (Function("drawer"), Number(4)))
@@ -199,8 +199,8 @@ def test_what_a_plan_does_to_no_purpose_is_left_out() -> None:
         Step(StepId(900 + n), Function(name, (Function("probe_4"), where)), duration=8)
         for n, name in enumerate(("pick", "put"))
     ]
-    longer = in_sequence(Plan((*plan.steps[:place], *bystander, *plan.steps[place:])))
-    made = timetable(problem, longer)
+    longer = full_order(Plan((*plan.steps[:place], *bystander, *plan.steps[place:])))
+    made = make_timetable(problem, longer)
     assert isinstance(made, Timetable)
     assert made.schedule.makespan == 2243
     assert not any("probe_4" in str(step.operator) for step in made.plan.steps)

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cellwright.engine.stages.sequencing.candidates import quadrant
-from cellwright.engine.stages.sequencing.costs import of_matrix
+from cellwright.engine.stages.sequencing.city_costs import of_matrix, quadrant_cities
 from cellwright.engine.stages.sequencing.kernels import bounds
 from cellwright.engine.stages.sequencing.kernels.bounds import ascend, excess, one_tree
 
@@ -71,11 +70,11 @@ def test_a_bound_is_never_above_the_shortest_tour_and_is_shown_by_its_penalties(
 
 
 def test_the_bound_of_random_cities_comes_near_a_good_tour() -> None:
-    from cellwright.engine.stages.sequencing.chain1987 import chain
+    from cellwright.engine.stages.sequencing.first_tours import chain_tour
 
     places = np.random.default_rng(4).integers(0, 1000, (120, 2))
     cost = np.rint(np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))).astype(np.int32)
-    tour = chain(cost, places.astype(float))
+    tour = chain_tour(cost, places.astype(float))
     upper = int(cost[tour, np.roll(tour, -1)].sum())
     bound, _, _ = ascend(cost, np.zeros(120), float(upper), 500, 1.0)
     assert 0.9 * upper < bound <= upper
@@ -111,7 +110,7 @@ def test_candidates_are_the_cheapest_in_each_quadrant_then_the_cheapest(
 ) -> None:
     places = np.random.default_rng(seed).integers(0, 3 if flat else 500, (n, 2)).astype(float)
     cost = np.rint(np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))).astype(np.int64)
-    for city, found in enumerate(quadrant(places, of_matrix(cost))):
+    for city, found in enumerate(quadrant_cities(places, of_matrix(cost))):
         others = sorted((c for c in range(n) if c != city), key=lambda c: (cost[city, c], c))
         side = {c: tuple(places[c] >= places[city]) for c in others}
         firsts = {next(c for c in others if side[c] == each) for each in set(side.values())}

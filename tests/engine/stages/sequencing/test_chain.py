@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cellwright.engine.stages.sequencing.chain1987 import WINDOW, chain, convex_hull
+from cellwright.engine.stages.sequencing.first_tours import PEEPHOLE_WINDOW, chain_tour, convex_hull
 from cellwright.engine.stages.sequencing.kernels.chain import exchange_edges, insert_all, peephole
 
 Ints = NDArray[np.int32]
@@ -62,12 +62,12 @@ def test_each_window_of_the_peephole_is_in_its_best_order() -> None:
             assert length(np.concatenate((turned[:1], inner, turned[5:])), cost) >= before
 
 
-@pytest.mark.parametrize("n", [3, 4, 7, WINDOW + 2, 60])
+@pytest.mark.parametrize("n", [3, 4, 7, PEEPHOLE_WINDOW + 2, 60])
 @pytest.mark.parametrize("known", [True, False])
 def test_the_chain_visits_every_city(n: int, known: bool) -> None:
     places, cost = city(n, n)
-    assert sorted(chain(cost, places if known else None)) == list(range(n))
+    assert sorted(chain_tour(cost, places if known else None)) == list(range(n))
 
 
 def test_cities_at_one_place_are_toured() -> None:
-    assert sorted(chain(np.zeros((9, 9), np.int32), np.zeros((9, 2)))) == list(range(9))
+    assert sorted(chain_tour(np.zeros((9, 9), np.int32), np.zeros((9, 2)))) == list(range(9))

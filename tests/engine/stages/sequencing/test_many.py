@@ -9,20 +9,26 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
-from cellwright.engine.model.metric import KINDS, Metric
 from cellwright.engine.model.outcome import GaveUp
-from cellwright.engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
-from cellwright.engine.stages.sequencing import (
-    Limits,
-    candidates,
-    heldkarp,
-    kernels,
-    merging,
-    sequence,
-    symmetric,
+from cellwright.engine.model.tour_problem import (
+    METRIC_KINDS,
+    Metric,
+    Tour,
+    TourProblem,
+    Visit,
+    cost_of,
+    tour_violations,
 )
-from cellwright.engine.stages.sequencing.costs import Costs, of_matrix
-from cellwright.engine.stages.sequencing.curve import along_hilbert
+from cellwright.engine.stages.sequencing import (
+    TourLimits,
+    city_costs,
+    held_karp_bound,
+    kernels,
+    sequence_tour,
+    symmetric_tours,
+)
+from cellwright.engine.stages.sequencing.city_costs import CityCosts, of_matrix
+from cellwright.engine.stages.sequencing.first_tours import along_hilbert
 from cellwright.engine.stages.sequencing.kernels import bounds, distances, graphs, trees
 from tests.engine.interpreted import interpreted_package
 
@@ -45,7 +51,7 @@ def test_kernels_compute_the_costs_that_the_metric_says(kind: str, seed: int, di
     rng = np.random.default_rng(seed)
     group, extra = rng.integers(0, 2, 12).astype(np.int32), np.array([[0, 7], [7, 0]])
     ends = rng.integers(0, 99, 13)
-    costs = Costs(None, Metric(kind, points), group, extra, ends)
+    costs = CityCosts(None, Metric(kind, points), group, extra, ends)
     every = np.arange(13)
     matrix = costs.between(every[:, None], every[None])
     for module in (distances, PLAIN["distances"]):
@@ -55,7 +61,7 @@ def test_kernels_compute_the_costs_that_the_metric_says(kind: str, seed: int, di
         ]
 
 
-def replace_module(costs: Costs, module: object) -> distances.Distances:
+def replace_module(costs: CityCosts, module: object) -> distances.Distances:
     """The costs for loops of one of the two modules."""
     assert costs.metric is not None
     points = np.zeros((len(costs.metric), 3))
@@ -66,7 +72,7 @@ def replace_module(costs: Costs, module: object) -> distances.Distances:
     return made
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", METRIC_KINDS)
 def test_some_costs_are_those_of_the_matrix(kind: str) -> None:
     metric = Metric(kind, scattered(9, 3))
     a, b = np.arange(9)[::-1], np.arange(9)
@@ -94,14 +100,14 @@ def test_a_merged_tour_costs_no_more_than_the_first_and_keeps_what_all_have(
 ) -> None:
     rng = np.random.default_rng(seed)
     ends = rng.integers(0, 99, n) if ended else np.zeros(0, np.int64)
-    costs = Costs(None, Metric("rounded", rng.integers(0, 500, (n - ended, 2)).astype(float)), ends=ends)
+    costs = CityCosts(None, Metric("rounded", rng.integers(0, 500, (n - ended, 2)).astype(float)), ends=ends)
     tours = [np.arange(n, dtype=np.int32)]
     for _ in range(others):
         first, last = sorted(rng.integers(0, n, 2))
         other = tours[-1].copy()
         other[first:last] = other[first:last][::-1]
         tours.append(np.roll(other, int(rng.integers(0, n))))
-    found = merging.merged(costs, tours, seed)
+    found = symmetric_tours.merge_tours(costs, tours, seed)
     assert sorted(found) == list(range(n))
     assert costs.of_tour(found) <= costs.of_tour(tours[0])
     sides = [edges_of(each) for each in tours]
@@ -119,7 +125,7 @@ def test_trees_of_few_edges_and_without_a_matrix_weigh_what_trees_of_all_edges_d
     metric = Metric("rounded", rng.integers(0, 100, (n, 2)).astype(float))
     penalty, degree, parent = rng.integers(-500, 500, n) / 64, np.zeros(n, np.int32), np.zeros(n, np.int32)
     weight = bounds.one_tree(metric.matrix().astype(np.int32), penalty, degree, parent)
-    costs = Costs(None, metric)
+    costs = CityCosts(None, metric)
     assert trees.full_tree(costs.kernel(), penalty, parent) - 2 * penalty.sum() == weight
     plain = replace_module(costs, PLAIN["distances"])
     assert PLAIN["trees"].full_tree(plain, penalty, parent) - 2 * penalty.sum() == weight
@@ -160,10 +166,10 @@ def test_shortest_trees_and_their_clusters_are_those_of_scipy(n: int, seed: int)
 
 def test_few_points_find_the_neighbours_that_a_tree_finds(monkeypatch: pytest.MonkeyPatch) -> None:
     points = np.random.default_rng(5).uniform(0, 1e4, (300, 3))
-    costs = Costs(None, Metric("rounded", points))
-    few = candidates.quadrant(points, costs)
-    monkeypatch.setattr(candidates, "FEW", 0)
-    assert (few == candidates.quadrant(points, costs)).all()
+    costs = CityCosts(None, Metric("rounded", points))
+    few = city_costs.quadrant_cities(points, costs)
+    monkeypatch.setattr(city_costs, "MAX_COMPARED_POINTS", 0)
+    assert (few == city_costs.quadrant_cities(points, costs)).all()
 
 
 @pytest.mark.slow
@@ -172,8 +178,8 @@ def test_a_graph_of_few_edges_says_no_more_than_all_edges_allow() -> None:
     centres = rng.uniform(0, 1e5, (6, 2))
     points = np.concatenate([rng.normal(centre, 200, (50, 2)) for centre in centres])
     costs = of_matrix(Metric("rounded", points).matrix())
-    tour = symmetric.search(costs, along_hilbert(points), Limits(work=20_000)).order
-    lower, _ = heldkarp.bound(costs, symmetric.candidates(costs, points), tour)
+    tour = symmetric_tours.search_tour(costs, along_hilbert(points), TourLimits(work=20_000)).order
+    lower, _ = held_karp_bound.sparse_lower_bound(costs, symmetric_tours.tour_candidates(costs, points), tour)
     assert 0.9 * costs.of_tour(tour) < lower <= costs.of_tour(tour)
 
 
@@ -184,8 +190,8 @@ def test_the_bound_of_an_open_tour_counts_the_change_of_tools() -> None:
     visits = tuple(Visit(str(i), (float(x), float(y)), "ab"[i % 2]) for i, (x, y) in enumerate(where))
     changes = {("a", "b"): 5000, ("b", "a"): 5000}
     ways = Metric("rounded", where).matrix()
-    found = sequence(
-        TourProblem("two tools", visits, ways, closed=False, changes=changes), Limits(work=20_000)
+    found = sequence_tour(
+        TourProblem("two tools", visits, ways, closed=False, changes=changes), TourLimits(work=20_000)
     )
     assert isinstance(found, Tour)
     assert found.cost > 5000
@@ -197,12 +203,12 @@ def test_a_bound_from_the_nearest_cities_lies_below_the_bound_from_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     points = np.random.default_rng(5).uniform(0, 1000, (400, 2))
-    costs = Costs(None, Metric("rounded", points))
-    tour = symmetric.search(costs, along_hilbert(points), Limits(work=10_000)).order
-    near = symmetric.candidates(costs)
-    of_all, _ = heldkarp.bound(costs, near, tour)
-    monkeypatch.setattr(heldkarp, "DENSE", 100)
-    assert 0.97 * of_all < heldkarp.bound(costs, near, tour)[0] <= of_all
+    costs = CityCosts(None, Metric("rounded", points))
+    tour = symmetric_tours.search_tour(costs, along_hilbert(points), TourLimits(work=10_000)).order
+    near = symmetric_tours.tour_candidates(costs)
+    of_all, _ = held_karp_bound.sparse_lower_bound(costs, near, tour)
+    monkeypatch.setattr(held_karp_bound, "MAX_DENSE_CITIES", 100)
+    assert 0.97 * of_all < held_karp_bound.sparse_lower_bound(costs, near, tour)[0] <= of_all
 
 
 def many(n: int, **options: object) -> TourProblem:
@@ -220,12 +226,12 @@ def test_a_metric_gives_the_tours_that_its_matrix_gives_about(
     changes: dict[tuple[str, str], int], ends: tuple[bool, int | None, int | None]
 ) -> None:
     problem = many(300, changes=changes, closed=ends[0], start=ends[1], end=ends[2])
-    quick = Limits(work=30_000)
-    found = sequence(problem, quick)
-    plain = sequence(replace(problem, travel=problem.travel.matrix()), quick)  # type: ignore[union-attr]
+    quick = TourLimits(work=30_000)
+    found = sequence_tour(problem, quick)
+    plain = sequence_tour(replace(problem, travel=problem.travel.matrix()), quick)  # type: ignore[union-attr]
     assert isinstance(found, Tour)
     assert isinstance(plain, Tour)
-    assert violations(problem, found.order) == []
+    assert tour_violations(problem, found.order) == []
     assert found.lower_bound <= plain.cost
     assert plain.lower_bound <= found.cost == cost_of(problem, found.order)
     assert abs(found.cost - plain.cost) < 0.03 * plain.cost
@@ -234,18 +240,18 @@ def test_a_metric_gives_the_tours_that_its_matrix_gives_about(
 @pytest.mark.slow
 def test_many_visits_need_no_matrix_and_stop_soon_when_asked() -> None:
     problem = many(9000)
-    answer = sequence(problem, Limits(work=5000))
+    answer = sequence_tour(problem, TourLimits(work=5000))
     assert isinstance(answer, Tour)
-    assert violations(problem, answer.order) == []
+    assert tour_violations(problem, answer.order) == []
     assert 0.8 * answer.cost < answer.lower_bound <= answer.cost
-    assert isinstance(sequence(problem, Limits(interrupted=lambda: True)), Tour)
+    assert isinstance(sequence_tour(problem, TourLimits(interrupted=lambda: True)), Tour)
 
 
 def test_what_needs_a_matrix_says_so() -> None:
     for answer in (
-        sequence(many(9000), method="chain1987"),
-        sequence(many(9000, precedence=((1, 2),))),
-        sequence(many(9000, changes={("a", "b"): 1})),
+        sequence_tour(many(9000), method="chain1987"),
+        sequence_tour(many(9000, precedence=((1, 2),))),
+        sequence_tour(many(9000, changes={("a", "b"): 1})),
     ):
         assert isinstance(answer, GaveUp)
         assert "at most 8000 visits" in answer.reason

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Infeasible
-from cellwright.engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
-from cellwright.engine.stages.sequencing import Limits, sequence
-from cellwright.engine.stages.sequencing.phases import by_phases
+from cellwright.engine.model.tour_problem import Tour, TourProblem, Visit, cost_of, tour_violations
+from cellwright.engine.stages.sequencing import TourLimits, sequence_tour
+from cellwright.engine.stages.sequencing.phased_tours import by_phases
 
-QUICK = Limits(work=50, proof=1.0)
+QUICK = TourLimits(work=50, proof=1.0)
 
 
 def problem(phases: list[int], seed: int = 0, **ends: object) -> TourProblem:
@@ -23,9 +23,9 @@ def problem(phases: list[int], seed: int = 0, **ends: object) -> TourProblem:
 
 
 def solved(asked: TourProblem) -> Tour:
-    found = sequence(asked, QUICK)
+    found = sequence_tour(asked, QUICK)
     assert isinstance(found, Tour)
-    assert violations(asked, found.order) == []
+    assert tour_violations(asked, found.order) == []
     assert found.cost == cost_of(asked, found.order)
     assert found.lower_bound <= found.cost
     return found
@@ -37,7 +37,7 @@ def test_few_visits_in_phases_are_ordered_as_well_as_by_trying_all(
     phases: list[int], closed: bool, seed: int
 ) -> None:
     asked = problem(phases, seed, closed=closed)
-    orders = (order for order in permutations(range(len(phases))) if not violations(asked, order))
+    orders = (order for order in permutations(range(len(phases))) if not tour_violations(asked, order))
     assert solved(asked).cost == min(cost_of(asked, order) for order in orders)
 
 
@@ -47,9 +47,9 @@ def test_the_bound_of_phases_one_after_another_is_not_above_the_least_cost(
     phases: list[int], seed: int
 ) -> None:
     asked = problem(phases, seed, closed=False)
-    orders = (order for order in permutations(range(len(phases))) if not violations(asked, order))
+    orders = (order for order in permutations(range(len(phases))) if not tour_violations(asked, order))
     least = min(cost_of(asked, order) for order in orders)
-    found = by_phases(asked, QUICK, "auto", sequence)
+    found = by_phases(asked, QUICK, "auto", sequence_tour)
     assert isinstance(found, Tour)
     assert found.lower_bound <= least <= found.cost
 
@@ -62,7 +62,7 @@ def test_many_visits_keep_their_phases(closed: bool) -> None:
 
 def test_ends_that_contradict_the_phases_are_refused() -> None:
     for ends in ({"start": 0}, {"end": 1}):
-        found = sequence(problem([0, -1] + [0] * 10, closed=False, **ends), QUICK)
+        found = sequence_tour(problem([0, -1] + [0] * 10, closed=False, **ends), QUICK)
         assert isinstance(found, Infeasible)
 
 
@@ -78,11 +78,11 @@ def test_phases_hold_together_with_precedence() -> None:
 
 def test_phases_are_searched_together_where_they_meet_is_chosen_with_all_tours() -> None:
     asked = problem([-1] * 12 + [0] * 14, seed=3, closed=False)
-    alone = by_phases(asked, Limits(), "auto", sequence)
-    found = sequence(asked, Limits())
+    alone = by_phases(asked, TourLimits(), "auto", sequence_tour)
+    found = sequence_tour(asked, TourLimits())
     assert isinstance(alone, Tour)
     assert isinstance(found, Tour)
-    assert violations(asked, found.order) == []
+    assert tour_violations(asked, found.order) == []
     assert found.cost <= alone.cost
     assert found.lower_bound >= alone.lower_bound
     assert found.proved
@@ -94,6 +94,6 @@ def test_the_bound_of_phases_together_is_not_above_a_tour_in_phases(
     a: int, b: int, c: int, seed: int
 ) -> None:
     asked = problem([-2] * a + [-1] * b + [0] * c, seed, closed=False)
-    alone = by_phases(asked, QUICK, "auto", sequence)
+    alone = by_phases(asked, QUICK, "auto", sequence_tour)
     assert isinstance(alone, Tour)
     assert solved(asked).lower_bound <= alone.cost

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.model.tour import PoseProblem, Visit
-from cellwright.engine.stages.sequencing import Limits
-from cellwright.engine.stages.sequencing.poses import time_of, tour_then_poses, with_poses
+from cellwright.engine.model.tour_problem import PoseProblem, Visit
+from cellwright.engine.stages.sequencing import TourLimits
+from cellwright.engine.stages.sequencing.pose_tours import pose_tour_time, tour_then_poses, with_poses
 
 
 def problem(n: int, most: int, seed: int) -> PoseProblem:
@@ -22,7 +22,7 @@ def problem(n: int, most: int, seed: int) -> PoseProblem:
 
 def least_time(given: PoseProblem, orders: list[tuple[int, ...]]) -> float:
     return min(
-        time_of(given, order, choice)
+        pose_tour_time(given, order, choice)
         for order in orders
         for choice in itertools.product(*(range(len(given.poses[visit])) for visit in order))
     )
@@ -34,14 +34,14 @@ def test_the_poses_of_an_order_are_the_best_of_all_choices(n: int, seed: int) ->
     drawn = problem(n, 4, seed)
     tour = tour_then_poses(drawn)
     assert sorted(tour.order) == list(range(n))
-    assert tour.cost == pytest.approx(1e6 * time_of(drawn, tour.order, tour.poses), abs=1)
+    assert tour.cost == pytest.approx(1e6 * pose_tour_time(drawn, tour.order, tour.poses), abs=1)
     assert tour.cost == pytest.approx(1e6 * least_time(drawn, [tour.order]), abs=1)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_eight_visits_of_two_poses_are_toured_as_fast_as_all_orders_and_choices_say(seed: int) -> None:
     drawn = problem(8, 2, seed)
-    tour = with_poses(drawn, Limits(work=3000))
+    tour = with_poses(drawn, TourLimits(work=3000))
     arrays = [q / drawn.speeds for q in drawn.poses]
     best = {(1 << 0, 0, first, first): 0.0 for first in range(len(arrays[0]))}
     for _ in range(7):  # dynamic programming over subsets, for each pose of the first visit
@@ -65,7 +65,7 @@ def test_together_is_never_slower_than_one_after_the_other(seed: int) -> None:
     drawn = problem(40, 6, seed)
     together, baseline = with_poses(drawn), tour_then_poses(drawn)
     assert together.cost <= baseline.cost
-    assert together.cost == pytest.approx(1e6 * time_of(drawn, together.order, together.poses), abs=1)
+    assert together.cost == pytest.approx(1e6 * pose_tour_time(drawn, together.order, together.poses), abs=1)
     assert sorted(together.order) == list(range(40))
 
 
@@ -76,7 +76,7 @@ def test_the_same_work_and_seed_give_the_same_poses() -> None:
 
 def test_an_interrupt_leaves_the_baseline() -> None:
     drawn = problem(30, 5, 2)
-    assert with_poses(drawn, Limits(interrupted=lambda: True)).cost == tour_then_poses(drawn).cost
+    assert with_poses(drawn, TourLimits(interrupted=lambda: True)).cost == tour_then_poses(drawn).cost
 
 
 def test_a_visit_without_a_position_takes_part() -> None:

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Infeasible
-from cellwright.engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
-from cellwright.engine.stages.sequencing import Limits, sequence
-from cellwright.engine.stages.sequencing.arborescent import lower_bound
+from cellwright.engine.model.tour_problem import Tour, TourProblem, Visit, cost_of, tour_violations
+from cellwright.engine.stages.sequencing import TourLimits, sequence_tour
+from cellwright.engine.stages.sequencing.directed_bounds import directed_lower_bound
 
-QUICK = Limits(work=3000)
+QUICK = TourLimits(work=3000)
 
 
 @st.composite
@@ -59,7 +59,7 @@ def least_cost(problem: TourProblem) -> int | None:
     costs = [
         cost_of(problem, order)
         for order in itertools.permutations(range(n))
-        if not violations(problem, order)
+        if not tour_violations(problem, order)
     ]
     return min(costs, default=None)
 
@@ -67,13 +67,13 @@ def least_cost(problem: TourProblem) -> int | None:
 @settings(max_examples=150, deadline=None)
 @given(problems())
 def test_small_problems_of_every_kind_are_solved_as_all_permutations_say(problem: TourProblem) -> None:
-    answer = sequence(problem, QUICK)
+    answer = sequence_tour(problem, QUICK)
     least = least_cost(problem)
     if least is None:
         assert isinstance(answer, Infeasible)
     else:
         assert isinstance(answer, Tour)
-        assert violations(problem, answer.order) == []
+        assert tour_violations(problem, answer.order) == []
         assert answer.cost == cost_of(problem, answer.order) == least
         assert answer.proved
 
@@ -83,12 +83,12 @@ def test_small_problems_of_every_kind_are_solved_as_all_permutations_say(problem
 def test_no_order_that_keeps_the_conditions_costs_less_than_the_bound(problem: TourProblem) -> None:
     least = least_cost(problem)
     if least is not None:
-        assert lower_bound(problem, least + 1000) <= least
+        assert directed_lower_bound(problem, least + 1000) <= least
 
 
 def test_bounds_are_near_where_conditions_leave_few_orders() -> None:
     problem = in_windows(60, 11, 150)
-    answer = sequence(problem, Limits(proof=0))
+    answer = sequence_tour(problem, TourLimits(proof=0))
     assert isinstance(answer, Tour)
     assert answer.gap < 0.05
 
@@ -111,15 +111,15 @@ def points(n: int, seed: int, **options: object) -> TourProblem:
 @pytest.mark.parametrize("ends", list(itertools.product((True, False), (None, 3), (None, 7))))
 def test_ends_are_kept_and_the_bound_lies_below_the_cost(ends: tuple[bool, int | None, int | None]) -> None:
     problem = points(40, 2, closed=ends[0], start=ends[1], end=ends[2])
-    answer = sequence(problem, QUICK)
+    answer = sequence_tour(problem, QUICK)
     assert isinstance(answer, Tour)
-    assert violations(problem, answer.order) == []
+    assert tour_violations(problem, answer.order) == []
     assert answer.lower_bound <= answer.cost == cost_of(problem, answer.order)
     assert answer.gap < 0.02
 
 
 def test_open_tours_cost_no_more_than_closed_ones_without_their_dearest_arc() -> None:
-    closed, opened = (sequence(points(60, 4, closed=each), QUICK) for each in (True, False))
+    closed, opened = (sequence_tour(points(60, 4, closed=each), QUICK) for each in (True, False))
     assert isinstance(closed, Tour)
     assert isinstance(opened, Tour)
     arcs = points(60, 4).travel
@@ -131,7 +131,7 @@ def test_open_tours_cost_no_more_than_closed_ones_without_their_dearest_arc() ->
 
 def test_the_default_is_no_worse_than_the_chain_of_1987_and_both_respect_the_bound() -> None:
     problem = points(200, 1)
-    ours, chain = sequence(problem, QUICK), sequence(problem, QUICK, "chain1987")
+    ours, chain = sequence_tour(problem, QUICK), sequence_tour(problem, QUICK, "chain1987")
     assert isinstance(ours, Tour)
     assert isinstance(chain, Tour)
     assert max(ours.lower_bound, chain.lower_bound) <= ours.cost <= chain.cost
@@ -142,21 +142,21 @@ def test_directed_costs_of_many_visits_are_improved_and_bounded() -> None:
     travel = np.random.default_rng(3).integers(1, 1000, (80, 80))
     np.fill_diagonal(travel, 0)
     problem = TourProblem("directed", tuple(Visit(str(i)) for i in range(80)), travel.astype(np.int64))
-    answer = sequence(problem, Limits(work=300_000))
+    answer = sequence_tour(problem, TourLimits(work=300_000))
     assert isinstance(answer, Tour)
     assert answer.lower_bound <= answer.cost < 3 * answer.lower_bound
 
 
 def test_the_same_work_and_seed_give_the_same_tour() -> None:
     problem = points(150, 9)
-    assert sequence(problem, QUICK) == sequence(problem, QUICK)
+    assert sequence_tour(problem, QUICK) == sequence_tour(problem, QUICK)
 
 
 def test_an_interrupted_search_still_answers_with_a_tour() -> None:
     problem = points(300, 5)
-    answer = sequence(problem, Limits(interrupted=lambda: True))
+    answer = sequence_tour(problem, TourLimits(interrupted=lambda: True))
     assert isinstance(answer, Tour)
-    assert violations(problem, answer.order) == []
+    assert tour_violations(problem, answer.order) == []
     assert answer.work == 0
 
 
@@ -178,16 +178,16 @@ def in_windows(n: int, seed: int, width: int) -> TourProblem:
 
 def test_windows_of_many_visits_are_kept_where_an_order_is_known_to_keep_them() -> None:
     problem = in_windows(60, 11, 150)
-    answer = sequence(problem, Limits(proof=0))
+    answer = sequence_tour(problem, TourLimits(proof=0))
     assert isinstance(answer, Tour)
-    assert violations(problem, answer.order) == []
+    assert tour_violations(problem, answer.order) == []
 
 
 def test_precedence_of_many_visits_is_kept() -> None:
     rng = np.random.default_rng(5)
     pairs = tuple(tuple(sorted(map(int, rng.choice(70, 2, replace=False)))) for _ in range(70))
     problem = points(70, 3, precedence=pairs)
-    answer = sequence(problem, Limits(work=200_000, proof=0))
+    answer = sequence_tour(problem, TourLimits(work=200_000, proof=0))
     assert isinstance(answer, Tour)
-    assert violations(problem, answer.order) == []
+    assert tour_violations(problem, answer.order) == []
     assert answer.cost < 0.7 * cost_of(problem, tuple(range(70)))

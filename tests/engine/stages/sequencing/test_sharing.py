@@ -6,9 +6,9 @@ import random
 import numpy as np
 import pytest
 
-from cellwright.engine.model.tour import SharedProblem, Shares, TourProblem, Visit, busy_with
-from cellwright.engine.stages.sequencing import sharing
-from cellwright.engine.stages.sequencing.sharing import share
+from cellwright.engine.model.tour_problem import SharedProblem, Shares, TourProblem, Visit, busy_with
+from cellwright.engine.stages.sequencing import arm_shares
+from cellwright.engine.stages.sequencing.arm_shares import share_visits
 
 
 def drawn(seed: int, count: int, arms: int = 2) -> SharedProblem:
@@ -54,7 +54,7 @@ def check(problem: SharedProblem, found: Shares) -> None:
 @pytest.mark.parametrize("arms", [2, 3])
 def test_few_visits_are_shared_as_well_as_can_be(seed: int, arms: int) -> None:
     problem = drawn(seed, 6, arms)
-    found = share(problem)
+    found = share_visits(problem)
     assert isinstance(found, Shares)
     check(problem, found)
     assert found.makespan == found.lower_bound == least_makespan(problem)
@@ -63,9 +63,9 @@ def test_few_visits_are_shared_as_well_as_can_be(seed: int, arms: int) -> None:
 @pytest.mark.parametrize("seed", range(12))
 def test_insertion_and_changes_come_near_the_best(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = drawn(seed, 10)
-    best = share(problem)
-    monkeypatch.setattr(sharing, "EXACT", 0)
-    found = share(problem)
+    best = share_visits(problem)
+    monkeypatch.setattr(arm_shares, "MAX_EXACT_SHARED_VISITS", 0)
+    found = share_visits(problem)
     assert isinstance(best, Shares)
     assert isinstance(found, Shares)
     check(problem, found)
@@ -74,7 +74,7 @@ def test_insertion_and_changes_come_near_the_best(seed: int, monkeypatch: pytest
 
 def test_many_visits_are_shared_evenly() -> None:
     problem = drawn(1, 120)
-    found = share(problem)
+    found = share_visits(problem)
     assert isinstance(found, Shares)
     check(problem, found)
     assert max(found.busy.values()) - min(found.busy.values()) <= 0.02 * found.makespan
@@ -84,7 +84,7 @@ def test_many_visits_are_shared_evenly() -> None:
 def test_an_arm_that_reaches_nothing_has_no_share() -> None:
     far = TourProblem("drawn", (), np.zeros((0, 0), np.int64), closed=False)
     problem = SharedProblem({**drawn(2, 8, 1).tours, "far": far})
-    found = share(problem)
+    found = share_visits(problem)
     assert isinstance(found, Shares)
     assert found.orders["far"] == ()
     check(problem, found)
@@ -97,7 +97,7 @@ def test_visits_in_order_stay_in_order_within_a_share() -> None:
         place = {visit.name: n for n, visit in enumerate(each.visits)}
         pairs = [(place[a], place[b]) for a, b in (("v4", "v1"), ("v9", "v3")) if a in place and b in place]
         tours[arm] = TourProblem(each.name, each.visits, each.travel, False, precedence=tuple(pairs))
-    found = share(SharedProblem(tours))
+    found = share_visits(SharedProblem(tours))
     assert isinstance(found, Shares)
     check(plain, found)
     for own in found.orders.values():

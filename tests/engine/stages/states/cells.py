@@ -6,17 +6,19 @@ from itertools import permutations, product
 
 from hypothesis import strategies as st
 
-from cellwright.kb.model.contacts import (
+from cellwright.kb.model.contact_model import (
     AnchorPoint,
     ContactClass,
     ContactModel,
     ObjectClass,
+    Octuple,
     OneWay,
     PermanentContact,
+    Quadruple,
     Undesirable,
     class_of,
+    parse_octuple,
 )
-from cellwright.kb.model.octuples import Octuple, Quadruple, parse_octuple
 
 State = frozenset[Octuple]
 SIDES = {"hand": True, "grip": False, "foot": True, "seat": False, "peg": True, "hole": False}

@@ -5,7 +5,7 @@ from itertools import permutations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.states.canonical import canonical
+from cellwright.engine.stages.states.clusters import canonical_form
 
 Graph = tuple[tuple[int, ...], tuple[tuple[int, int, int], ...]]
 
@@ -42,7 +42,7 @@ def test_the_key_does_not_depend_on_the_numbers_of_nodes(graph: Graph, seed: obj
     order = list(range(len(graph[0])))
     seed.shuffle(order)  # type: ignore[attr-defined]
     other = permuted(graph, tuple(order))
-    first, second = (canonical([(c,) for c in each[0]], near(each)) for each in (graph, other))
+    first, second = (canonical_form([(c,) for c in each[0]], near(each)) for each in (graph, other))
     assert (first.key, first.automorphisms) == (second.key, second.automorphisms)
 
 
@@ -50,13 +50,13 @@ def test_the_key_does_not_depend_on_the_numbers_of_nodes(graph: Graph, seed: obj
 @given(graph=graphs())
 def test_automorphisms_are_the_permutations_that_change_nothing(graph: Graph) -> None:
     same = sum(permuted(graph, order) == graph for order in permutations(range(len(graph[0]))))
-    assert canonical([(c,) for c in graph[0]], near(graph)).automorphisms == same
+    assert canonical_form([(c,) for c in graph[0]], near(graph)).automorphisms == same
 
 
 @settings(deadline=None)
 @given(first=graphs(), second=graphs())
 def test_graphs_with_the_same_key_are_the_same(first: Graph, second: Graph) -> None:
-    keys = [canonical([(c,) for c in each[0]], near(each)).key for each in (first, second)]
+    keys = [canonical_form([(c,) for c in each[0]], near(each)).key for each in (first, second)]
     alike = len(first[0]) == len(second[0]) and any(
         permuted(first, order) == second for order in permutations(range(len(first[0])))
     )

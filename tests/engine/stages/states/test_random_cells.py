@@ -4,22 +4,22 @@ from collections import Counter
 
 from hypothesis import HealthCheck, given, settings
 
-from cellwright.engine.model.task_space import Net, Space
-from cellwright.engine.stages.states.counting import reachable
+from cellwright.engine.model.task_space import ContactNet, FormSpace
+from cellwright.engine.stages.states.contact_net import net_of
 from cellwright.engine.stages.states.filters import Stability, Templates
-from cellwright.engine.stages.states.firing import Player, Situation
-from cellwright.engine.stages.states.generation import generate
-from cellwright.engine.stages.states.nets import net_of
-from cellwright.engine.stages.states.tokens import token_types
-from cellwright.kb.model.contacts import ContactModel
+from cellwright.engine.stages.states.global_states import reachable_states
+from cellwright.engine.stages.states.net_player import NetPlayer, NetSituation
+from cellwright.engine.stages.states.state_generation import generate_states
+from cellwright.engine.stages.states.token_types import token_types
+from cellwright.kb.model.contact_model import ContactModel
 from tests.engine.stages.states.cells import Recipe, Slow, cell, recipes
 
 few = settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 
 
-def generated(model: ContactModel, full: bool = False) -> tuple[Space, Net]:
+def generated(model: ContactModel, full: bool = False) -> tuple[FormSpace, ContactNet]:
     filters = {"stability": Stability(model), "templates": Templates(model)}
-    space = generate(model, token_types(model, full=full), filters)
+    space = generate_states(model, token_types(model, full=full), filters)
     return space, net_of(space, full)
 
 
@@ -37,9 +37,9 @@ def test_the_count_is_that_of_a_search_of_all_states(recipe: Recipe) -> None:
 def test_each_firing_has_a_fully_specified_counterpart_and_the_other_way_round(recipe: Recipe) -> None:
     model = cell(recipe)
     space, net = generated(model)
-    player = Player(space, net)
+    player = NetPlayer(space, net)
     for state, contacts in Slow(model).reachable().items():
-        assert {each.contact for each in player.firings(Situation(state))} == contacts
+        assert {each.contact for each in player.firings(NetSituation(state))} == contacts
 
 
 @few
@@ -47,14 +47,14 @@ def test_each_firing_has_a_fully_specified_counterpart_and_the_other_way_round(r
 def test_global_states_by_class_are_those_of_the_search(recipe: Recipe) -> None:
     model = cell(recipe)
     space, net = generated(model)
-    player = Player(space, net)
+    player = NetPlayer(space, net)
 
     def marking(state: frozenset) -> tuple[int, ...]:  # type: ignore[type-arg]
         groups = dict.fromkeys(player.clusters(state).values())
         return tuple(sorted(player.form(each, state) or 0 for each in groups))
 
     slow = Slow(model)
-    graph = reachable(space)
+    graph = reachable_states(space)
     assert graph is not None
     found = slow.reachable()
     assert {marking(state) for state in found} == set(graph)
@@ -68,11 +68,11 @@ def test_global_states_by_class_are_those_of_the_search(recipe: Recipe) -> None:
 def test_tokens_are_conserved_and_capacities_kept(recipe: Recipe) -> None:
     model = cell(recipe)
     space, net = generated(model)
-    player = Player(space, net)
+    player = NetPlayer(space, net)
     room = {place.name: dict(place.capacity) for place in net.places}
     type_of = {name: each.name for each in space.types for member in each.members for name in member}
     for state in Slow(model).reachable():
-        there = player.marking(Situation(state))
+        there = player.marking(NetSituation(state))
         assert sorted(o for clusters in there.values() for each in clusters for o in each) == sorted(type_of)
         for place, clusters in there.items():
             count = Counter(type_of[o] for each in clusters for o in each)

@@ -4,11 +4,11 @@ import functools
 import tempfile
 from pathlib import Path
 
-from cellwright.engine.stages.validation import validate
+from cellwright.engine.stages.validation import validate_plan
 from cellwright.kb.asp import ground_term
 from cellwright.kb.loader import load
-from cellwright.kb.model.plan import CausalLink, Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.plan_model import CausalLink, Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Function, Term
 
 CELL = """domain: cell
@@ -100,4 +100,4 @@ def link(producer: int, condition: str, consumer: int) -> CausalLink:
 
 def wrong(posed: Problem, steps: tuple[Step, ...], links: tuple[CausalLink, ...] = ()) -> list[str]:
     """What the checker has against a plan, each as `code: message`."""
-    return [f"{each.code}: {each.message}" for each in validate(posed, Plan(steps, links))]
+    return [f"{each.code}: {each.message}" for each in validate_plan(posed, Plan(steps, links))]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Set
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.aggregates import Tuple, can_test, fitting
+from cellwright.engine.stages.validation.aggregate_values import Tuple, can_test, fitting_bindings
 from cellwright.kb.arithmetic import order_key
 from cellwright.kb.model.conditions import StateAggregate
 from cellwright.kb.terms import Function, Number, Term, Variable
@@ -55,7 +55,7 @@ def between(certain: Set[Tuple], more: Set[Tuple]) -> Iterator[Set[Tuple]]:
 
 
 def is_true(aggregate: StateAggregate, one: Set[Tuple], other: Set[Tuple]) -> bool:
-    return bool(list(fitting(aggregate, {}, one, other)))
+    return bool(list(fitting_bindings(aggregate, {}, one, other)))
 
 
 def has_greatest_of(function: str, own: Set[Tuple]) -> bool:
@@ -98,7 +98,7 @@ def test_a_variable_takes_the_value_of_the_set_if_it_is_sure_and_each_that_is_po
     taking = StateAggregate(function, (), (("=", N), *others), (N,))
 
     def values(one: Set[Tuple], other: Set[Tuple]) -> set[Term]:
-        return {found[N] for found in fitting(taking, {}, one, other)}
+        return {found[N] for found in fitting_bindings(taking, {}, one, other)}
 
     def plain(own: Set[Tuple]) -> set[Term]:
         tests = [(term, StateAggregate(function, (), (("=", term), *others), ())) for term in terms]

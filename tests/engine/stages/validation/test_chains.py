@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.model.outcome import Found
-from cellwright.engine.pipelines import planning
-from cellwright.engine.stages.validation import validate
-from cellwright.kb.model.plan import Claims, Plan, Step
-from cellwright.kb.model.problem import Chain, Problem
-from cellwright.kb.terms import Atom, together
+from cellwright.engine.pipelines.planning import checked_plan
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.kb.model.plan_model import Claims, Plan, Step
+from cellwright.kb.model.planning_problem import Chain, Problem
+from cellwright.kb.terms import Atom, join_stage
 from tests.engine.stages.validation.plans import atom, link, problem, step, wrong
 
 DOMAIN = """domain: bell
@@ -125,7 +125,7 @@ def posed(chains: Chains) -> Problem:
 def read(stage: str) -> Atom:
     """A stage of one atom or of several."""
     found = [atom(each) for each in stage.split(" & ")]
-    return found[0] if len(found) == 1 else together(found)
+    return found[0] if len(found) == 1 else join_stage(found)
 
 
 def sequence(*operators: str) -> tuple[Step, ...]:
@@ -157,12 +157,12 @@ def lasts(steps: list[str]) -> bool:
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 def test_planned_chains_have_the_fewest_steps_that_any_reading_needs(chains: Chains) -> None:
     """The planner, the checker and the readings tried one after another mean the same."""
-    made = planning.plan(posed(chains))
+    made = checked_plan.plan_problem(posed(chains))
     longest = len(made.plan.steps) - 1 if isinstance(made, Found) else 2
     shorter = (list(steps) for n in range(min(longest, 3) + 1) for steps in itertools.product(DOES, repeat=n))
     assert not any(wrong(posed(chains), sequence(*steps)) == [] for steps in shorter)
     if isinstance(made, Found):
-        assert validate(posed(chains), made.plan) == []
+        assert validate_plan(posed(chains), made.plan) == []
 
 
 def test_a_stage_that_held_before_its_turn_holds_in_every_order() -> None:
@@ -186,7 +186,7 @@ def test_a_stage_that_held_before_its_turn_is_reached_with_the_step_before_it(
     told = posed(((("rung(a)", "up(a, one)", "rung(b)"), False),))
     steps = (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2))
     plan = Plan(steps, (link(producer, f'_stage("c0", {stage})', -1),))
-    assert ([each.code for each in validate(told, plan, claims=Claims())] == []) == right
+    assert ([each.code for each in validate_plan(told, plan, claims=Claims())] == []) == right
 
 
 def test_a_stage_that_holds_to_the_end_needs_no_order() -> None:

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.datalog import evaluate, holds, solve
-from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.checker_facts import CheckerFacts
+from cellwright.engine.stages.validation.condition_solving import condition_holds, solve_conditions
+from cellwright.kb.arithmetic import evaluate_term
 from cellwright.kb.asp import Grounder
 from cellwright.kb.model.conditions import (
     Aggregate,
@@ -54,7 +55,7 @@ arithmetic = st.recursive(
 def test_arithmetic_is_that_of_clingo(term: Term) -> None:
     grounder = Grounder()
     grounder.ground(f"is({term}).")
-    found = evaluate(term)
+    found = evaluate_term(term)
     assert grounder.atoms("is", 1) == ([] if found is None else [(found,)])
 
 
@@ -63,15 +64,17 @@ def test_arithmetic_is_that_of_clingo(term: Term) -> None:
 def test_terms_are_ordered_as_by_clingo(left: Term, relation: str, right: Term) -> None:
     grounder = Grounder()
     grounder.ground(f"yes :- {left} {relation} {right}.")
-    assert holds(Comparison(left, relation, right), Facts([]), {}) == bool(grounder.atoms("yes", 0))
+    assert condition_holds(Comparison(left, relation, right), CheckerFacts([]), {}) == bool(
+        grounder.atoms("yes", 0)
+    )
 
 
 def test_what_is_no_number_has_no_value_in_arithmetic() -> None:
-    assert evaluate(Operation("+", A, Number(1))) is None
-    assert evaluate(Operation("*", Number(1), Text("a"))) is None
-    assert evaluate(Operation("/", Number(1), Number(0))) is None
-    assert evaluate(Operation("\\", Number(1), Number(0))) is None
-    assert evaluate(A) == A
+    assert evaluate_term(Operation("+", A, Number(1))) is None
+    assert evaluate_term(Operation("*", Number(1), Text("a"))) is None
+    assert evaluate_term(Operation("/", Number(1), Number(0))) is None
+    assert evaluate_term(Operation("\\", Number(1), Number(0))) is None
+    assert evaluate_term(A) == A
 
 
 sides = st.one_of(
@@ -112,36 +115,38 @@ def test_bodies_have_the_solutions_of_clingo(
     grounder.ground(
         "\n".join(f"{fact}." for fact in told) + f"\nout(X, Y, Z) :- {', '.join(map(str, body))}."
     )
-    found = {(each[X], each[Y], each[Z]) for each in solve(tuple(body), Facts(told), {})}
+    found = {(each[X], each[Y], each[Z]) for each in solve_conditions(tuple(body), CheckerFacts(told), {})}
     assert found == set(grounder.atoms("out", 3))
 
 
 def test_what_is_known_of_a_variable_is_kept() -> None:
-    found = Facts([Function("p", (A,)), Function("p", (B,))])
-    assert list(solve((Literal(Function("p", (X,))),), found, {X: A})) == [{X: A}]
-    assert list(solve((), found, {X: A})) == [{X: A}]
+    found = CheckerFacts([Function("p", (A,)), Function("p", (B,))])
+    assert list(solve_conditions((Literal(Function("p", (X,))),), found, {X: A})) == [{X: A}]
+    assert list(solve_conditions((), found, {X: A})) == [{X: A}]
 
 
 def test_an_equation_binds_either_side_even_inside_a_term() -> None:
     pattern = Function("f", (X,))
     for left, right in ((pattern, Function("f", (A,))), (Function("f", (A,)), pattern)):
-        assert list(solve((Comparison(left, "=", right),), Facts([]), {})) == [{X: A}]
-    assert list(solve((Comparison(pattern, "=", Function("g", (A,))),), Facts([]), {})) == []
+        assert list(solve_conditions((Comparison(left, "=", right),), CheckerFacts([]), {})) == [{X: A}]
+    assert (
+        list(solve_conditions((Comparison(pattern, "=", Function("g", (A,))),), CheckerFacts([]), {})) == []
+    )
 
 
 def test_aggregates_are_left_to_clingo() -> None:
     with pytest.raises(ValueError, match="evaluated by clingo"):
-        list(solve((Aggregate("#count { X : p(X) } < 3"),), Facts([]), {}))
+        list(solve_conditions((Aggregate("#count { X : p(X) } < 3"),), CheckerFacts([]), {}))
     with pytest.raises(ValueError, match="evaluated by clingo"):
-        holds(Aggregate("#count { X : p(X) } < 3"), Facts([]), {})
+        condition_holds(Aggregate("#count { X : p(X) } < 3"), CheckerFacts([]), {})
 
 
 # Facts over facts that never change.
 
 
 def test_facts_lie_over_those_below() -> None:
-    below = Facts([Function("p", (A,))])
-    above = Facts([Function("p", (B,)), Function("q")], below)
+    below = CheckerFacts([Function("p", (A,))])
+    above = CheckerFacts([Function("p", (B,)), Function("q")], below)
     assert sorted(map(str, above.named("p"))) == ["p(a)", "p(b)"]
     assert Function("p", (A,)) in above
     assert Function("q") not in below
@@ -165,7 +170,7 @@ def test_facts_lie_over_those_below() -> None:
     ],
 )
 def test_types_are_facts_or_built_in(term: Term, type_: str, is_one: bool) -> None:
-    assert Facts([Function("thing", (A,))]).has_type(term, type_) == is_one
+    assert CheckerFacts([Function("thing", (A,))]).has_type(term, type_) == is_one
 
 
 # Conditions.
@@ -231,8 +236,8 @@ def plainly(condition: Condition, state: frozenset[Atom], bindings: dict[Variabl
 @given(conditions, st.sets(st.sampled_from(POSSIBLE)))
 @MANY
 def test_conditions_mean_what_they_say(condition: Condition, state: set[Atom]) -> None:
-    found = Facts(state, Facts(TYPES))
-    assert holds(condition, found, {}) == plainly(condition, frozenset(state), {})
+    found = CheckerFacts(state, CheckerFacts(TYPES))
+    assert condition_holds(condition, found, {}) == plainly(condition, frozenset(state), {})
 
 
 @given(conditions, st.sets(st.sampled_from(POSSIBLE)), st.sets(st.sampled_from(POSSIBLE)))
@@ -240,7 +245,10 @@ def test_conditions_mean_what_they_say(condition: Condition, state: set[Atom]) -
 def test_what_holds_between_two_states_holds_in_all_between_them(
     condition: Condition, certain: set[Atom], more: set[Atom]
 ) -> None:
-    lower, upper = Facts(certain, Facts(TYPES)), Facts(certain | more, Facts(TYPES))
+    lower, upper = (
+        CheckerFacts(certain, CheckerFacts(TYPES)),
+        CheckerFacts(certain | more, CheckerFacts(TYPES)),
+    )
     open_ = sorted(more - certain, key=str)
     states = [
         certain | set(chosen)
@@ -248,7 +256,7 @@ def test_what_holds_between_two_states_holds_in_all_between_them(
         for chosen in itertools.combinations(open_, size)
     ]
     true = [plainly(condition, frozenset(state), {}) for state in states]
-    if holds(condition, lower, {}, upper):
+    if condition_holds(condition, lower, {}, upper):
         assert all(true)
     if isinstance(condition, Literal):
-        assert holds(condition, lower, {}, upper) == all(true)
+        assert condition_holds(condition, lower, {}, upper) == all(true)

@@ -5,11 +5,11 @@ import itertools
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.datalog import solve
-from cellwright.engine.stages.validation.derivation import Derivation
-from cellwright.engine.stages.validation.facts import Facts
+from cellwright.engine.stages.validation.checker_facts import CheckerFacts
+from cellwright.engine.stages.validation.condition_solving import solve_conditions
+from cellwright.engine.stages.validation.rule_derivation import RuleDerivation
 from cellwright.kb.model.conditions import BodyPart, Comparison, Literal
-from cellwright.kb.model.domain import Rule
+from cellwright.kb.model.domain_model import Rule
 from cellwright.kb.terms import (
     ANYTHING,
     Atom,
@@ -19,7 +19,7 @@ from cellwright.kb.terms import (
     Term,
     Variable,
     substitute_atom,
-    variables,
+    term_variables,
 )
 
 X, Y, Z = map(Variable, "XYZ")
@@ -73,7 +73,7 @@ def rules(draw: st.DrawFn, head: Atom, more: tuple[BodyPart, ...], denied: tuple
     """A rule whose variables all occur in a positive condition, in any order of its conditions."""
     body = draw(st.lists(st.sampled_from((*CONDITIONS, *more)), min_size=1, max_size=3, unique=True))
     body += draw(st.lists(st.sampled_from(denied), max_size=1))
-    bound = {v for p in body if isinstance(p, Literal) and p.positive for v in variables(p.atom)}
+    bound = {v for p in body if isinstance(p, Literal) and p.positive for v in term_variables(p.atom)}
     used = {v for p in (Literal(head), *body) for v in _named(p)} - {ANYTHING}
     body += [true("fluent", each, ANYTHING) for each in sorted(used - bound, key=str)]
     return Rule(head, tuple(draw(st.permutations(body))))
@@ -81,8 +81,8 @@ def rules(draw: st.DrawFn, head: Atom, more: tuple[BodyPart, ...], denied: tuple
 
 def _named(part: BodyPart) -> set[Variable]:
     if isinstance(part, Comparison):
-        return {*variables(part.left), *variables(part.right)}
-    return {*variables(part.atom)} if isinstance(part, Literal) else set()
+        return {*term_variables(part.left), *term_variables(part.right)}
+    return {*term_variables(part.atom)} if isinstance(part, Literal) else set()
 
 
 STRATA = st.tuples(
@@ -100,14 +100,16 @@ def named(name: str, chosen: set[tuple[Term, Term]]) -> list[Atom]:
     return [Atom(name, each) for each in sorted(chosen, key=str)]
 
 
-def plain(strata: tuple[list[Rule], ...], facts: Facts) -> set[Atom]:
+def plain(strata: tuple[list[Rule], ...], facts: CheckerFacts) -> set[Atom]:
     """All derived atoms, small enough to be reached in a few rounds."""
     found: set[Atom] = set()
     for each in strata:
-        judge = Facts((atom for name in ("fluent", "low") for atom in facts.extent(name)), facts.below)
+        judge = CheckerFacts((atom for name in ("fluent", "low") for atom in facts.extent(name)), facts.below)
         more = True
         while more:
-            heads = [substitute_atom(r.head, b) for r in each for b in solve(r.body, facts, {}, judge)]
+            heads = [
+                substitute_atom(r.head, b) for r in each for b in solve_conditions(r.body, facts, {}, judge)
+            ]
             more = any([facts.add(head) for head in heads])
             found |= set(heads)
     return found
@@ -131,10 +133,10 @@ def test_each_state_gets_what_follows_in_it_whatever_states_came_before(
 ) -> None:
     if _depth(strata):
         return
-    statics = Facts(named("static", static))
-    derivation = Derivation(strata, statics, {"fluent", "low", "high"})
+    statics = CheckerFacts(named("static", static))
+    derivation = RuleDerivation(strata, statics, {"fluent", "low", "high"})
     for state in states:
-        facts, other = (Facts(named("fluent", state), statics) for _ in range(2))
+        facts, other = (CheckerFacts(named("fluent", state), statics) for _ in range(2))
         derivation.add(facts)
         found = {*facts.extent("low"), *facts.extent("high")}
         assert found == plain(strata, other)
@@ -149,9 +151,11 @@ LINKED = (
 @given(st.lists(st.sets(st.sampled_from(list(itertools.permutations(range(6), 2)))), min_size=1, max_size=3))
 @settings(max_examples=50, deadline=None)
 def test_paths_are_found_along_all_links_of_a_state(states: list[set[tuple[int, int]]]) -> None:
-    derivation = Derivation([LINKED], Facts(), {"link", "path"})
+    derivation = RuleDerivation([LINKED], CheckerFacts(), {"link", "path"})
     for links in states:
-        facts = Facts([Atom("link", tuple(map(Number, each))) for each in sorted(links)], Facts())
+        facts = CheckerFacts(
+            [Atom("link", tuple(map(Number, each))) for each in sorted(links)], CheckerFacts()
+        )
         derivation.add(facts)
         reached = set(links)
         while more := {(a, c) for a, b in reached for d, c in links if b == d} - reached:

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.datalog import solve
-from cellwright.engine.stages.validation.facts import MANY, Facts
+from cellwright.engine.stages.validation.checker_facts import MIN_INDEXED_ATOMS, CheckerFacts
+from cellwright.engine.stages.validation.condition_solving import solve_conditions
 from cellwright.kb.model.conditions import Literal
-from cellwright.kb.terms import Atom, Function, Variable, match
+from cellwright.kb.terms import Atom, Function, Variable, match_term
 
 X, Y = Variable("X"), Variable("Y")
 THINGS = tuple(Function(f"t{number}") for number in range(9))
@@ -22,15 +22,15 @@ PATTERNS = (
     Function("r", (X, THINGS[1])),
     Function("r", (THINGS[2], THINGS[3])),
 )
-atoms = st.sets(st.sampled_from(PAIRS), max_size=4 * MANY)
+atoms = st.sets(st.sampled_from(PAIRS), max_size=4 * MIN_INDEXED_ATOMS)
 
 
-def looked_up(facts: Facts, pattern: Atom) -> set[Atom]:
-    return {each for each in facts.matching(pattern) if match(pattern, each, {}) is not None}
+def looked_up(facts: CheckerFacts, pattern: Atom) -> set[Atom]:
+    return {each for each in facts.matching(pattern) if match_term(pattern, each, {}) is not None}
 
 
 def plain(told: set[Atom], pattern: Atom) -> set[Atom]:
-    return {each for each in told if match(pattern, each, {}) is not None}
+    return {each for each in told if match_term(pattern, each, {}) is not None}
 
 
 @given(atoms, atoms, atoms, atoms)
@@ -38,8 +38,8 @@ def plain(told: set[Atom], pattern: Atom) -> set[Atom]:
 def test_atoms_are_found_by_pattern_before_and_after_changes(
     below: set[Atom], above: set[Atom], ends: set[Atom], adds: set[Atom]
 ) -> None:
-    layer = Facts(below)
-    facts = Facts(above - below, layer)
+    layer = CheckerFacts(below)
+    facts = CheckerFacts(above - below, layer)
     for pattern in PATTERNS:
         assert looked_up(facts, pattern) == plain(above | below, pattern)
     later = facts.after(ends, adds - below)
@@ -51,7 +51,7 @@ def test_atoms_are_found_by_pattern_before_and_after_changes(
 @given(atoms, st.lists(st.sampled_from(PAIRS), max_size=10))
 @settings(max_examples=100, deadline=None)
 def test_what_is_added_later_is_found_too(told: set[Atom], more: list[Atom]) -> None:
-    facts = Facts(told)
+    facts = CheckerFacts(told)
     for atom in more:
         looked_up(facts, PATTERNS[2])
         assert facts.add(atom) == (atom not in told)
@@ -61,8 +61,8 @@ def test_what_is_added_later_is_found_too(told: set[Atom], more: list[Atom]) -> 
 
 
 def test_of_a_large_predicate_only_those_that_share_an_argument_are_looked_at() -> None:
-    facts = Facts(PAIRS)
-    assert len(PAIRS) > MANY
+    facts = CheckerFacts(PAIRS)
+    assert len(PAIRS) > MIN_INDEXED_ATOMS
     assert sorted(map(str, facts.matching(PATTERNS[2]))) == sorted(f"r(t0, {each})" for each in THINGS)
     assert len(list(facts.matching(PATTERNS[0]))) == len(PAIRS)
 
@@ -70,5 +70,9 @@ def test_of_a_large_predicate_only_those_that_share_an_argument_are_looked_at() 
 @pytest.mark.parametrize("seed", range(20))
 def test_what_is_denied_of_any_value_is_false_of_all(seed: int) -> None:
     told = random.Random(seed).sample(PAIRS, 12)
-    found = list(solve((Literal(Function("r", (X, Variable("_"))), False),), Facts(told), {X: THINGS[0]}))
+    found = list(
+        solve_conditions(
+            (Literal(Function("r", (X, Variable("_"))), False),), CheckerFacts(told), {X: THINGS[0]}
+        )
+    )
     assert bool(found) == all(each.arguments[0] != THINGS[0] for each in told)

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from cellwright.engine.stages.validation import validate
-from cellwright.kb.model.plan import CausalLink, Claims, Happened, Plan, Step, StepId
-from cellwright.kb.model.problem import Problem
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.kb.model.plan_model import CausalLink, Claims, Happened, Plan, Step, StepId
+from cellwright.kb.model.planning_problem import Problem
 from tests.engine.stages.validation.plans import atom, link, problem, step
 
 BENCH = """domain: bench
@@ -38,7 +38,7 @@ def said(
     posed: Problem, steps: tuple[Step, ...], claims: Claims | None = None, links: tuple[CausalLink, ...] = ()
 ) -> list[str]:
     """What the checker has against a plan and what is claimed of it, each as `code: message`."""
-    found = validate(posed, Plan(steps, links), claims=claims or Claims())
+    found = validate_plan(posed, Plan(steps, links), claims=claims or Claims())
     return [f"{each.code}: {each.message}" for each in found]
 
 

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.precedence import Precedence
-from cellwright.kb.model.plan import GOAL, START, Plan, Step, StepId
+from cellwright.engine.stages.validation.step_precedence import StepPrecedence
+from cellwright.kb.model.plan_model import GOAL_STEP, INITIAL_STEP, Plan, Step, StepId
 from cellwright.kb.terms import Function
 
 
@@ -23,7 +23,7 @@ def plans(draw: st.DrawFn) -> Plan:
 
 @given(plans())
 def test_a_step_precedes_another_if_it_is_among_its_predecessors(plan: Plan) -> None:
-    order, before = Precedence(plan), plan.predecessors()
+    order, before = StepPrecedence(plan), plan.predecessors()
     for one in plan.steps:
         for other in plan.steps:
             assert order.precedes(one.id, other.id) == (one.id in before[other.id])
@@ -31,7 +31,7 @@ def test_a_step_precedes_another_if_it_is_among_its_predecessors(plan: Plan) -> 
 
 @given(plans())
 def test_steps_that_are_not_ordered_are_all_found(plan: Plan) -> None:
-    order, before = Precedence(plan), plan.predecessors()
+    order, before = StepPrecedence(plan), plan.predecessors()
     for place, step in enumerate(plan.steps):
         earlier = [p for p in range(place) if plan.steps[p].id not in before[step.id]]
         assert list(order.unordered_before(step.id)) == earlier
@@ -41,20 +41,20 @@ def test_steps_that_are_not_ordered_are_all_found(plan: Plan) -> None:
 def test_no_step_that_can_come_between_two_others_is_outside_their_range(
     plan: Plan, data: st.DataObject
 ) -> None:
-    order, before = Precedence(plan), plan.predecessors()
+    order, before = StepPrecedence(plan), plan.predecessors()
     ids = [step.id for step in plan.steps]
-    producer = data.draw(st.sampled_from([START, *ids]))
-    consumer = data.draw(st.sampled_from([GOAL, *ids]))
+    producer = data.draw(st.sampled_from([INITIAL_STEP, *ids]))
+    consumer = data.draw(st.sampled_from([GOAL_STEP, *ids]))
     first, last = order.between(producer, consumer)
     for place, each in enumerate(ids):
-        early = producer != START and each in before[producer]
-        late = consumer != GOAL and consumer in before[each]
+        early = producer != INITIAL_STEP and each in before[producer]
+        late = consumer != GOAL_STEP and consumer in before[each]
         if not early and not late and each not in (producer, consumer):
             assert first <= place < last
 
 
 def test_a_sequence_keeps_one_mark_for_each_step() -> None:
     steps = tuple(Step(StepId(n), Function("s"), (StepId(n - 1),) if n > 1 else ()) for n in range(1, 2_001))
-    order = Precedence(Plan(steps))
+    order = StepPrecedence(Plan(steps))
     assert order.between(StepId(500), StepId(502)) == (499, 502)
     assert not any(list(order.unordered_before(step.id)) for step in steps)

@@ -6,14 +6,14 @@ from typing import Any
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from cellwright.engine.stages.validation.datalog import bound, holds
-from cellwright.engine.stages.validation.facts import Facts
-from cellwright.engine.stages.validation.instances import Fired
-from cellwright.engine.stages.validation.prepared import Prepared
-from cellwright.engine.stages.validation.sums import compared, valued
-from cellwright.kb.arithmetic import compare, evaluate
+from cellwright.engine.stages.validation.checker_facts import CheckerFacts
+from cellwright.engine.stages.validation.condition_solving import bind_parameters, condition_holds
+from cellwright.engine.stages.validation.prepared_conditions import comparison_test, value_function
+from cellwright.engine.stages.validation.prepared_operators import PreparedOperator
+from cellwright.engine.stages.validation.step_changes import Fired
+from cellwright.kb.arithmetic import compare_terms, evaluate_term
 from cellwright.kb.model.conditions import (
-    TRUE,
+    ALWAYS_TRUE,
     And,
     Comparison,
     Condition,
@@ -25,7 +25,7 @@ from cellwright.kb.model.conditions import (
     Parameter,
     goal_parts,
 )
-from cellwright.kb.model.domain import Effect, Operator
+from cellwright.kb.model.domain_model import Effect, Operator
 from cellwright.kb.terms import (
     Atom,
     Function,
@@ -34,8 +34,8 @@ from cellwright.kb.terms import (
     Term,
     Text,
     Variable,
-    substitute,
     substitute_atom,
+    substitute_term,
 )
 
 MANY = settings(max_examples=300, deadline=None)
@@ -98,7 +98,7 @@ moves = st.builds(  # as an increase of a quantity is read
     st.sampled_from([Operation("+", V, Number(1)), Operation("-", Operation("*", Number(2), V), Y)]),
 )
 effects = st.one_of(
-    moves, st.builds(Effect, atoms, st.booleans(), parameters, st.one_of(st.just(TRUE), conditions))
+    moves, st.builds(Effect, atoms, st.booleans(), parameters, st.one_of(st.just(ALWAYS_TRUE), conditions))
 )
 operators = st.builds(
     lambda condition, own: Operator(
@@ -120,15 +120,21 @@ known = st.builds(
 )
 
 
-def unmet(operator: Operator, facts: Facts, bindings: dict[Variable, Term]) -> Condition | None:
-    return next((p for p in goal_parts(operator.precondition) if not holds(p, facts, bindings)), None)
+def unmet(operator: Operator, facts: CheckerFacts, bindings: dict[Variable, Term]) -> Condition | None:
+    return next(
+        (p for p in goal_parts(operator.precondition) if not condition_holds(p, facts, bindings)), None
+    )
 
 
-def fired(operator: Operator, facts: Facts, bindings: dict[Variable, Term]) -> list[Fired]:
+def fired(operator: Operator, facts: CheckerFacts, bindings: dict[Variable, Term]) -> list[Fired]:
     return [
-        (substitute_atom(effect.atom, each), effect.adds, bool(effect.parameters) or effect.condition != TRUE)
+        (
+            substitute_atom(effect.atom, each),
+            effect.adds,
+            bool(effect.parameters) or effect.condition != ALWAYS_TRUE,
+        )
         for effect in operator.effects
-        for each in bound(effect.parameters, effect.condition, facts, bindings)
+        for each in bind_parameters(effect.parameters, effect.condition, facts, bindings)
     ]
 
 
@@ -145,8 +151,8 @@ def outcome(run: Callable[[], Any]) -> Any:
 def test_prepared_preconditions_and_effects_agree_with_substitution(
     operator: Operator, atoms: list[Atom], given: tuple[Term, Term], split: int
 ) -> None:
-    facts = Facts(atoms[split:], Facts(atoms[:split]))
-    prepared, bindings = Prepared(operator), {X: given[0], Y: given[1]}
+    facts = CheckerFacts(atoms[split:], CheckerFacts(atoms[:split]))
+    prepared, bindings = PreparedOperator(operator), {X: given[0], Y: given[1]}
     one = outcome(lambda: prepared.unmet(facts, given))
     other = outcome(lambda: unmet(operator, facts, bindings))
     assert one is other
@@ -162,14 +168,14 @@ def test_prepared_sums_have_the_values_of_terms(
 ) -> None:
     places = dict(zip((X, Y, V, W), range(4), strict=True))
     bindings = dict(zip((X, Y, V, W), given, strict=True))
-    one, other = (substitute(each, bindings) for each in (left, right))
-    assert valued(left, places, exact)(list(given)) == evaluate(one, exact)
-    test = compared(Comparison(left, relation, right, exact), places)
-    assert test(list(given)) == compare(one, relation, other, exact)
+    one, other = (substitute_term(each, bindings) for each in (left, right))
+    assert value_function(left, places, exact)(list(given)) == evaluate_term(one, exact)
+    test = comparison_test(Comparison(left, relation, right, exact), places)
+    assert test(list(given)) == compare_terms(one, relation, other, exact)
 
 
 def test_conditions_that_ask_for_the_same_look_facts_up_once() -> None:
-    class Counted(Facts):
+    class Counted(CheckerFacts):
         asked = 0
 
         def having(self, name: str, arguments: Any) -> Any:
@@ -183,7 +189,9 @@ def test_conditions_that_ask_for_the_same_look_facts_up_once() -> None:
         Effect(Atom("level", (X, W)), True, (Parameter(V, "int"), Parameter(W, "int")), And((level, more))),
     )
     facts = Counted([Atom("level", (A, Number(3))), Atom("level", (B, Number(4)))])
-    found = Prepared(Operator("go", (Parameter(X, "object"),), TRUE, changes)).fired(facts, [A])
+    found = PreparedOperator(Operator("go", (Parameter(X, "object"),), ALWAYS_TRUE, changes)).fired(
+        facts, [A]
+    )
     assert [str(each) for each, _, _ in found] == ["level(a, 3)", "level(a, 5)"]
     assert facts.asked == 1
 
@@ -192,6 +200,8 @@ def test_what_is_asked_of_values_that_were_found_is_looked_up_for_each() -> None
     chain = And((Literal(Atom("level", (X, V))), Literal(Atom("level", (V, W)))))
     effect = Effect(Atom("p", (W,)), True, (Parameter(V, "int"), Parameter(W, "int")), chain)
     one, two, three, four = map(Number, (1, 2, 3, 4))
-    facts = Facts([Atom("level", each) for each in ((A, one), (A, two), (one, three), (two, four))])
-    found = Prepared(Operator("go", (Parameter(X, "object"),), TRUE, (effect,))).fired(facts, [A])
+    facts = CheckerFacts([Atom("level", each) for each in ((A, one), (A, two), (one, three), (two, four))])
+    found = PreparedOperator(Operator("go", (Parameter(X, "object"),), ALWAYS_TRUE, (effect,))).fired(
+        facts, [A]
+    )
     assert [str(each) for each, _, _ in found] == ["p(3)", "p(4)"]

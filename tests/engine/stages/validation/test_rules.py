@@ -2,9 +2,9 @@
 
 import pytest
 
-from cellwright.engine.stages.validation import validate
-from cellwright.engine.stages.validation.interference import MAX_UNCERTAIN
-from cellwright.kb.model.plan import Plan
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.engine.stages.validation.step_interference import MAX_UNCERTAIN
+from cellwright.kb.model.plan_model import Plan
 from tests.engine.stages.validation.plans import AT_HOME, CELL, link, problem, step, wrong
 
 ARM_BOLT, ARM_NUT = ("arm", "bolt"), ("arm", "nut")
@@ -106,9 +106,9 @@ def test_execution_stops_at_the_first_step_that_cannot_start() -> None:
 
 
 def test_who_ended_a_precondition_is_said() -> None:
-    (found,) = validate(TIDY, Plan((BOLT_MOVES, step(2, "move(bolt, table, bin)", 1, holds=ARM_BOLT))))
+    (found,) = validate_plan(TIDY, Plan((BOLT_MOVES, step(2, "move(bolt, table, bin)", 1, holds=ARM_BOLT))))
     assert (found.code, found.hint) == ("K501", "step 1 move(bolt, table, bin) ended it")
-    (found,) = validate(
+    (found,) = validate_plan(
         problem("lit", ("lit",)), Plan((step(1, "light"), step(2, "douse", 1), step(3, "wipe", 2)))
     )
     assert (found.code, found.hint) == ("K502", "step 2 douse ended it")

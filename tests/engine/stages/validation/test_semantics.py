@@ -7,13 +7,13 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.stages.grounding import ground
-from cellwright.engine.stages.validation.changes import Denial, StepChange
-from cellwright.engine.stages.validation.interference import Executed
-from cellwright.engine.stages.validation.semantics import Semantics
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.engine.stages.validation.step_changes import CheckedChange, Denial
+from cellwright.engine.stages.validation.step_interference import ExecutedStep
 from cellwright.kb.diagnostics import InvalidInput
 from cellwright.kb.model.conditions import Literal
-from cellwright.kb.model.domain import Default
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import Default
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import ANYTHING, Function
 from tests.engine.stages.validation.plans import CELL, atom, link, problem, step, wrong
 from tests.properties.problems import CONSTANTS, ONE_X, X, atoms, problems
@@ -371,8 +371,11 @@ def test_an_end_has_consequences_only_where_something_follows(spare: bool) -> No
 def test_a_step_changes_what_a_pattern_stands_for_whichever_argument_is_open() -> None:
     posed = problem("lit", (), CELL)
     drop = next(each for each in posed.domain.operators if each.name == "drop")
-    told = Executed(
-        step(1, "drop(bolt, bin)"), drop, {}, StepChange(frozenset({atom("at(bolt, bin)")}), frozenset(), ())
+    told = ExecutedStep(
+        step(1, "drop(bolt, bin)"),
+        drop,
+        {},
+        CheckedChange(frozenset({atom("at(bolt, bin)")}), frozenset(), ()),
     )
     bolt, table, bin_ = Function("bolt"), Function("table"), Function("bin")
     for pattern, changed in (

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.kernels.arrays import Floats, Truths
-from cellwright.engine.kernels.rigid import apply, transform, turned
+from cellwright.engine.kernels.rigid import apply, rotation_by_vector, transform
 from cellwright.engine.stages.vision.kernels.rims import border, ends
 from cellwright.engine.stages.vision.kernels.samples import Samples, seen
 
@@ -69,7 +69,7 @@ def test_points_of_a_surface_are_counted_as_their_pixels_say(seed: int) -> None:
     depth = np.where(random.random((12, 16)) < 0.2, 0.0, random.uniform(0.8, 1.2, (12, 16)))
     points, normals = random.uniform(-0.3, 0.3, (20, 3)), random.normal(size=(20, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    poses = np.array([transform(turned(random.normal(size=3)), (0, 0, 1.0)) for _ in range(4)])
+    poses = np.array([transform(rotation_by_vector(random.normal(size=3)), (0, 0, 1.0)) for _ in range(4)])
     optics = np.array([16.0, 7.5, 5.5])
     agree, through = seen(Samples(depth, optics, points, normals, 0.3), poses, 0.1)
     for n, T in enumerate(poses):

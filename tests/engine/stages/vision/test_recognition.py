@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.kernels.rigid import apply, difference, rotation, transform, turned
-from cellwright.engine.model.ranging import Recognised, Sight
-from cellwright.engine.model.solid import Solid
-from cellwright.engine.model.vision import Camera
-from cellwright.engine.stages.vision.hypotheses import Model
-from cellwright.engine.stages.vision.images import Sensor, disturbed, rendered
-from cellwright.engine.stages.vision.localisation import Ground
-from cellwright.engine.stages.vision.recognition import Claim, decided, recognised
+from cellwright.engine.kernels.rigid import apply, difference, rotation, rotation_by_vector, transform
+from cellwright.engine.model.geometry import Solid
+from cellwright.engine.model.vision import DepthCamera, PartSight, Recognised
+from cellwright.engine.stages.vision.part_localisation import KnownScene
+from cellwright.engine.stages.vision.part_recognition import PartClaim, decide_claims, recognise_in_image
+from cellwright.engine.stages.vision.pose_hypotheses import PartModel
+from cellwright.engine.stages.vision.sensor_images import DepthSensor, disturb_image, render_depths
 from tests.engine.stages.solids import block, ell, prism
 
-CAMERA = Camera.viewing(320, 240, 0.3, 1.0)
+CAMERA = DepthCamera.viewing(320, 240, 0.3, 1.0)
 DOWN: Floats = np.diag([1.0, -1.0, -1.0])
 TABLE = (block(2.0, 2.0, 0.1), transform(DOWN, (0.0, 0.0, 1.25)))
 PARTS = {
@@ -25,22 +24,27 @@ PARTS = {
     "ell": ell(0.1, 0.08, 0.03, 0.05),
     "wedge": prism("wedge", [(-0.05, 0), (0.05, 0), (0.02, 0.06)], 0.05),
 }
-MODELS = {name: Model(each) for name, each in PARTS.items()}
-CORNER = turned(np.array([0.6, 0.5, 0.2]))
+MODELS = {name: PartModel(each) for name, each in PARTS.items()}
+CORNER = rotation_by_vector(np.array([0.6, 0.5, 0.2]))
 AWAY = 0.02  # metres between boxes around parts of a scene
 
 
 def seen(
-    *things: tuple[Solid, Floats], models: dict[str, Model] | None = None, seed: int = 0, floor: bool = False
+    *things: tuple[Solid, Floats],
+    models: dict[str, PartModel] | None = None,
+    seed: int = 0,
+    floor: bool = False,
 ) -> Recognised:
     """What is recognised of things at poses before a table; the table is told where it carries parts."""
-    image = disturbed(rendered([TABLE, *things], CAMERA)[0], Sensor(0.0005, 0.01), seed)
-    known = np.abs(image.depth - rendered([TABLE], CAMERA)[0].depth) < 0.002
+    image = disturb_image(render_depths([TABLE, *things], CAMERA)[0], DepthSensor(0.0005, 0.01), seed)
+    known = np.abs(image.depth - render_depths([TABLE], CAMERA)[0].depth) < 0.002
     floors = (np.array([0.0, 0.0, -1.0, -1.2]),) if floor else ()
-    return recognised(MODELS if models is None else models, image, Ground(known, floors))
+    return recognise_in_image(MODELS if models is None else models, image, KnownScene(known, floors))
 
 
-def looked_at(part: Solid, R: Floats, models: dict[str, Model] | None = None, seed: int = 0) -> Recognised:
+def looked_at(
+    part: Solid, R: Floats, models: dict[str, PartModel] | None = None, seed: int = 0
+) -> Recognised:
     return seen((part, transform(R, (0.0, 0.0, 1.0))), models=models, seed=seed)
 
 
@@ -62,7 +66,7 @@ def test_symmetric_poses_are_told() -> None:
 
 
 def test_two_parts_that_look_alike_are_not_decided_between() -> None:
-    models = {"one": MODELS["brick"], "other": Model(block(0.1, 0.06, 0.04))}
+    models = {"one": MODELS["brick"], "other": PartModel(block(0.1, 0.06, 0.04))}
     found = looked_at(PARTS["brick"], CORNER, models)
     assert found.named == ()
     assert [each.parts for each in found.unclear] == [("one", "other")]
@@ -87,7 +91,7 @@ def test_one_face_is_enough_where_its_height_above_what_carries_it_is_known() ->
     lying = transform(DOWN @ rotation((0, 0, 1), 0.3), (0.0, 0.0, 1.18))
     found = seen((PARTS["brick"], lying), floor=True)
     assert [each.best.part for each in found.named] == ["brick"]
-    models = {"flat": Model(block(0.1, 0.06, 0.02)), "high": Model(block(0.1, 0.06, 0.07))}
+    models = {"flat": PartModel(block(0.1, 0.06, 0.02)), "high": PartModel(block(0.1, 0.06, 0.07))}
     found = seen((PARTS["brick"], lying), models=models, floor=True)
     assert (found.named, len(found.unexplained)) == ((), 1)
 
@@ -98,14 +102,14 @@ def test_an_empty_image_shows_nothing() -> None:
     assert sorted(found.missing) == sorted(PARTS)
 
 
-def claim(part: str, evidence: float, *pixels: int) -> Claim:
+def claim(part: str, evidence: float, *pixels: int) -> PartClaim:
     shows = np.zeros((1, 100), dtype=bool)
     shows[0, list(pixels)] = True
-    return Claim(Sight(part, np.eye(4), len(pixels), 1.0, 3), evidence, shows)
+    return PartClaim(PartSight(part, np.eye(4), len(pixels), 1.0, 3), evidence, shows)
 
 
-def settled(*claims: Claim) -> tuple[list[str], list[tuple[str, ...]]]:
-    named, unclear = decided(claims, dict.fromkeys(("a", "b", "c"), MODELS["brick"]))
+def settled(*claims: PartClaim) -> tuple[list[str], list[tuple[str, ...]]]:
+    named, unclear = decide_claims(claims, dict.fromkeys(("a", "b", "c"), MODELS["brick"]))
     return sorted(each.best.part for each in named), [each.parts for each in unclear]
 
 

@@ -6,15 +6,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.engine.kernels.rigid import rotation, transform
-from cellwright.engine.model.vision import Camera, DepthImage
-from cellwright.engine.stages.vision.hypotheses import Model
-from cellwright.engine.stages.vision.images import rendered
-from cellwright.engine.stages.vision.refinement import View, judged
-from cellwright.engine.stages.vision.residuals import LEAST, beside_edges, off_px
+from cellwright.engine.model.vision import DepthCamera, DepthImage
+from cellwright.engine.stages.vision.pose_hypotheses import PartModel
+from cellwright.engine.stages.vision.pose_refinement import (
+    MIN_PIECE_PLACES,
+    ImageView,
+    assign_to_edges,
+    judge_pose,
+    outline_deviation_px,
+)
+from cellwright.engine.stages.vision.sensor_images import render_depths
 from tests.engine.stages.solids import block
 
-CAMERA = Camera.viewing(640, 480, 0.6, 1.0)
-MODEL = Model(block(0.1, 0.06, 0.0001))
+CAMERA = DepthCamera.viewing(640, 480, 0.6, 1.0)
+MODEL = PartModel(block(0.1, 0.06, 0.0001))
 T = transform(np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 1.0))
 LONG, WIDE = 320 / 3, 64.0  # pixels
 
@@ -34,11 +39,11 @@ def outline(turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 def told(pose: np.ndarray, at: np.ndarray, outward: np.ndarray, shift: np.ndarray) -> float:
     """How far the block at a pose is off where the surface ends so many pixels outside of its outline."""
     ended = at[:, None] + (shift[:, None] + [-0.5, 0.5])[..., None] * outward[:, None]
-    return off_px(beside_edges(MODEL, CAMERA, pose, at, outward, ended))
+    return outline_deviation_px(assign_to_edges(MODEL, CAMERA, pose, at, outward, ended))
 
 
 def test_every_edge_of_a_part_counts_once() -> None:
-    assert len(Model(block(0.1, 0.06, 0.05)).ends) == 12
+    assert len(PartModel(block(0.1, 0.06, 0.05)).ends) == 12
 
 
 @settings(max_examples=30, deadline=None)
@@ -68,7 +73,7 @@ def test_noise_alone_is_averaged_out_and_few_places_tell_nothing() -> None:
     shift = np.random.default_rng(0).normal(0.0, 0.5, len(at))
     assert told(T, at, outward, shift) < 0.5
     few = np.full(len(at), np.nan)
-    few[: LEAST - 1] = 5.0
+    few[: MIN_PIECE_PLACES - 1] = 5.0
     assert told(T, at, outward, few) == 0.0
 
 
@@ -76,13 +81,13 @@ def test_noise_alone_is_averaged_out_and_few_places_tell_nothing() -> None:
 @given(turn=st.floats(-3.0, 3.0), u=st.floats(-0.5, 0.5), v=st.floats(-0.5, 0.5))
 def test_pixels_of_a_part_in_its_place_are_no_contradiction(turn: float, u: float, v: float) -> None:
     """Also along rows of pixels, and where a side that is seen edge on has two edges side by side."""
-    model = Model(block(0.1, 0.06, 0.02))
-    camera = Camera.viewing(320, 240, 0.3, 1.0)
+    model = PartModel(block(0.1, 0.06, 0.02))
+    camera = DepthCamera.viewing(320, 240, 0.3, 1.0)
     pitch = 0.3 / 320
     pose = T @ transform(rotation((0, 0, 1), turn), np.array([u * pitch, v * pitch, 0.0]))
-    shown = DepthImage(camera, rendered([(model.solid, pose)], camera)[0].depth, 0.001)
+    shown = DepthImage(camera, render_depths([(model.solid, pose)], camera)[0].depth, 0.001)
     table = np.where(shown.depth > 0, shown.depth, 1.3)
-    view = View(DepthImage(camera, table, 0.001), np.zeros(table.shape, dtype=bool))
-    found = judged(model, view, pose, closely=True)
+    view = ImageView(DepthImage(camera, table, 0.001), np.zeros(table.shape, dtype=bool))
+    found = judge_pose(model, view, pose, closely=True)
     assert found is not None
     assert found.off_px < 0.55

@@ -4,13 +4,13 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 
-from cellwright.engine.model.task import Task
+from cellwright.engine.model.ground_task import GroundTask
 from cellwright.kb.asp import AspError, Grounder
-from cellwright.kb.asp.statics import evaluate
-from cellwright.kb.asp.vocabulary import guard
+from cellwright.kb.asp.static_facts import ground_statics
+from cellwright.kb.asp.static_program import type_guard
 from cellwright.kb.model.conditions import Body, Parameter
-from cellwright.kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
-from cellwright.kb.model.problem import Problem
+from cellwright.kb.model.domain_model import NUMERIC_TYPES, OBJECT_TYPE, Kind
+from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import Atom, Function, Number, Term, Text, Variable, natural_key
 
 NUMERAL, WORDS, CHAIN = "_numeral", "_text", "_chain"  # in PDDL, numbers, texts and chains are objects
@@ -23,11 +23,11 @@ class NotLiftable(Exception):
 class Background:
     """The statics of a problem: facts by predicate, the objects of each type, and one declared type per object."""
 
-    def __init__(self, problem: Problem, task: Task) -> None:
+    def __init__(self, problem: Problem, task: GroundTask) -> None:
         self.problem, self.domain, self.task = problem, problem.domain, task
         self.kinds = {name: predicate.kind for name, predicate in self.domain.predicates.items()}
         self._grounder = Grounder()
-        evaluate(self._grounder, problem)
+        ground_statics(self._grounder, problem)
         self.facts: dict[str, list[Atom]] = defaultdict(list)
         for fact in self._grounder.everything():
             self.facts[fact.name].append(fact)
@@ -42,7 +42,7 @@ class Background:
             for fact in self.facts[name]:
                 types[fact.arguments[0]].append(name)
         return {
-            term: [one for one in names if not any(self._below(other, one) for other in names)]
+            term: [narrow for narrow in names if not any(self._below(wider, narrow) for wider in names)]
             for term, names in types.items()
         }
 
@@ -52,19 +52,19 @@ class Background:
     @cached_property
     def shared(self) -> frozenset[str]:
         """Types whose objects PDDL would have to declare under two parents: they become static predicates."""
-        found = set()
-        for first, *others in self._minimal.values():
-            above = {name for other in others for name in self.ancestors(other)}
-            found.update(above - set(self.ancestors(first)))
-        return frozenset(found)
+        shared_types = set()
+        for first, *rest in self._minimal.values():
+            above = {name for type_name in rest for name in self.ancestors(type_name)}
+            shared_types.update(above - set(self.ancestors(first)))
+        return frozenset(shared_types)
 
     def ancestors(self, name: str) -> tuple[str, ...]:
         """A type and the declared ones above it."""
-        found: list[str] = []
-        while name in self.domain.types and name not in found:
-            found.append(name)
+        lineage: list[str] = []
+        while name in self.domain.types and name not in lineage:
+            lineage.append(name)
             name = self.domain.types[name].parent
-        return tuple(found)
+        return tuple(lineage)
 
     def type_of(self, term: Term) -> str:
         """The type under which an object is declared."""
@@ -74,7 +74,7 @@ class Background:
             return WORDS
         if isinstance(term, Function) and term.name == CHAIN:
             return CHAIN
-        return self.plain(self._minimal.get(term, [OBJECT])[0])
+        return self.plain(self._minimal.get(term, [OBJECT_TYPE])[0])
 
     def plain(self, name: str) -> str:
         """The nearest type that PDDL can declare."""
@@ -82,26 +82,29 @@ class Background:
             return NUMERAL
         if name == "text":
             return WORDS
-        return next((each for each in self.ancestors(name) if each not in self.shared), self._built_in(name))
+        return next(
+            (ancestor_type for ancestor_type in self.ancestors(name) if ancestor_type not in self.shared),
+            self._built_in(name),
+        )
 
     def _built_in(self, name: str) -> str:
-        return name if name in (NUMERAL, WORDS, CHAIN) else OBJECT
+        return name if name in (NUMERAL, WORDS, CHAIN) else OBJECT_TYPE
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
         """Whether every object of one type is of another."""
-        return ancestor == OBJECT or name == ancestor or ancestor in self.ancestors(name)
+        return ancestor == OBJECT_TYPE or name == ancestor or ancestor in self.ancestors(name)
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
         """Every object and all its parts, in natural order."""
-        found: dict[Term, None] = {}
+        used_terms: dict[Term, None] = {}
         for name in self.domain.types:
             for fact in self.facts[name]:
-                found.update(dict.fromkeys(_subterms(fact.arguments[0])))
+                used_terms.update(dict.fromkeys(_subterms_of(fact.arguments[0])))
         for atom in self.task.atoms:
             if self.kinds.get(atom.name) is Kind.FLUENT:
-                found.update(dict.fromkeys(sub for term in atom.arguments for sub in _subterms(term)))
-        return tuple(sorted(found, key=natural_key))
+                used_terms.update(dict.fromkeys(sub for term in atom.arguments for sub in _subterms_of(term)))
+        return tuple(sorted(used_terms, key=natural_key))
 
     @cached_property
     def initial(self) -> tuple[Atom, ...]:
@@ -119,7 +122,7 @@ class Background:
         self._tables += 1
         name = f"_export_{self._tables}"
         head = Function(name, tuple(parameter.variable for parameter in parameters))
-        text = ", ".join([*guard(parameters), *map(str, body)])
+        text = ", ".join([*type_guard(parameters), *map(str, body)])
         try:
             self._grounder.ground(f"{head} :- {text}." if text else f"{head}.")
         except AspError as error:
@@ -136,14 +139,14 @@ class Background:
         return predicate.arguments if predicate else ()
 
 
-def _subterms(term: Term) -> Iterator[Term]:
+def _subterms_of(term: Term) -> Iterator[Term]:
     yield term
     if isinstance(term, Function):
         for argument in term.arguments:
-            yield from _subterms(argument)
+            yield from _subterms_of(argument)
 
 
-class Fresh:
+class FreshVariables:
     """Variables that are used nowhere else."""
 
     def __init__(self) -> None:

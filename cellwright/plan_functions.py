@@ -1,0 +1,422 @@
+"""Plans: found, checked, repaired and explained; and all errors in the files of a domain."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from cellwright.library_base import Answer, Deadline, Name, Target, limit_seconds, load, name_of
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from cellwright.engine.authoring.domain_check import CheckReport
+    from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
+    from cellwright.engine.model.outcome import Outcome
+    from cellwright.engine.model.plan_explanation import Explanation, StepReason
+    from cellwright.engine.pipelines.motion.moving_plan import MovingRun
+    from cellwright.engine.pipelines.planning.plan_objective import Run
+    from cellwright.engine.pipelines.recovery.plan_revision import PlanRevision
+    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.kb.diagnostics import Diagnostic
+    from cellwright.kb.model.plan_model import Claims, Plan, StepId
+    from cellwright.kb.model.planning_problem import Problem
+    from cellwright.kb.terms import Atom
+
+Strategy = Literal["auto", "backward", "forward", "landmarks", "asp", "shortest", "race"]
+
+
+@dataclass(frozen=True, repr=False)
+class Planned(Answer):
+    """The result of planning: a plan with its times, or why there is none."""
+
+    made: "PlanAnswer" = field(compare=False)
+    store: str = ""
+
+    @property
+    def problem(self) -> "Problem":
+        """The problem that was planned for."""
+        return self.made.problem
+
+    @property
+    def outcome(self) -> "Outcome":
+        """`Found` with a checked plan, `Infeasible` if it is proved that there is none, or `GaveUp`, each with a reason."""
+        return self.made.run.outcome
+
+    @property
+    def plan(self) -> "Plan | None":
+        """The plan; None if there is none."""
+        from cellwright.engine.model.outcome import Found
+
+        return self.outcome.plan if isinstance(self.outcome, Found) else None
+
+    @property
+    def starts(self) -> "Mapping[StepId, int] | None":
+        """When each step starts, in the unit of time of the domain; None if no step takes time."""
+        return self.made.run.starts
+
+    @property
+    def motions(self) -> "MovingRun | None":
+        """The motions of the steps, if they were asked for."""
+        return self.made.moving
+
+    @property
+    def status(self) -> str:
+        """optimal, found, infeasible, gave up or stopped."""
+        from cellwright.engine.formats.report import json_answers
+
+        return json_answers.outcome_status(self.outcome)
+
+    @property
+    def diagnostics(self) -> "tuple[Diagnostic, ...]":
+        """A warning if the library could not keep what was learned."""
+        from cellwright.engine.formats.report.plans.plan_answer import library_warnings
+
+        return library_warnings(self.made.origin, self.store)
+
+    def data(self) -> Mapping[str, Any]:
+        """The plan with its problem. Written to a file, `json()` is a plan file."""
+        from cellwright.engine.formats.report.plans.plan_answer import plan_answer_content
+
+        return plan_answer_content(self.made, stats=False)
+
+    def svg(self) -> str | None:
+        """The partial order of the plan as a picture."""
+        from cellwright.engine.formats.report.drawing import plan_svg
+
+        return plan_svg.draw_plan(self.plan, self.problem) if self.plan else None
+
+    def dot(self) -> str | None:
+        """The partial order of the plan for Graphviz."""
+        from cellwright.engine.formats.report.drawing import dot_graphs
+
+        return dot_graphs.plan_dot(self.plan, self.problem) if self.plan else None
+
+    def _renderable(self) -> "RenderableType":
+        from cellwright.engine.formats.report.plans.plan_answer import plan_answer_text
+
+        return plan_answer_text(self.made, stats=False, folded=False)
+
+
+def plan(
+    target: Target,
+    *,
+    goals: str = "",
+    command: str = "",
+    objective: Literal["cost", "makespan"] | None = None,
+    order: Literal["sequence", "free"] = "sequence",
+    strategy: Strategy = "auto",
+    anytime: bool = False,
+    motion: bool = False,
+    store: Name = "",
+    seconds: float | None = None,
+    expansions: int = 1_000_000,
+    seed: int = 0,
+) -> Planned:
+    """Plan for a target, in words or goals. The checker has accepted every plan that is returned.
+
+    `objective` is what the plan shall have least of; without it the makespan where steps take time, else the cost. `order`
+    says who orders measurements. With `anytime` the plan is improved until `seconds` are over, with `motion` every step has
+    a path that touches nothing. `store` is a library of MACROPs, read and taught. Raises `InvalidInput`, `TimeoutError`.
+    """
+    from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
+    from cellwright.engine.pipelines.planning.library_plans import plan_with_library
+    from cellwright.engine.pipelines.planning.plan_objective import PlanningObjective, SequenceChoice
+
+    library = fspath(store)
+    with limit_seconds(seconds) as over:
+        problem, limits = (
+            load(target, goals, command),
+            _planning_limits(over, expansions, strategy, anytime, seed),
+        )
+        wish, who = PlanningObjective(objective) if objective else None, SequenceChoice(order)
+        if motion:
+            from cellwright.engine.pipelines.planning.plan_objective import (
+                plan_for_objective as planned_alone,
+            )
+
+            moving = plan_motions_of(
+                name_of(target), problem, lambda each: planned_alone(each, limits, wish, who), seed, library
+            )
+            return Planned(PlanAnswer(moving.run, moving.problem, moving=moving), library)
+        run, origin = plan_with_library(problem, limits, wish, who, library, folded=False, stays=True)
+    return Planned(PlanAnswer(run, problem, origin), library)
+
+
+def _planning_limits(
+    over: Deadline, expansions: int, strategy: str, thorough: bool, seed: int
+) -> "SearchLimits":
+    from cellwright.engine.stages.planning import RACE, STRATEGIES, SearchLimits
+    from cellwright.kb.diagnostics import InvalidInput, Source, unknown_name
+
+    if strategy not in (*STRATEGIES, RACE):
+        raise InvalidInput([unknown_name("strategy", strategy, {*STRATEGIES, RACE}, Source("strategy"))])
+    return SearchLimits(expansions, interrupted=over, thorough=thorough, strategy=strategy, seed=seed)
+
+
+def plan_motions_of(target: str, problem: "Problem", planned: Any, seed: int, store: str) -> "MovingRun":
+    """The plan in which every step moves; `planned` makes the `Run` of a problem."""
+    from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
+    from cellwright.kb.stopping import StoppedByCaller, is_stop_wanted
+
+    def in_time(each: "Problem") -> "Run":
+        run: Run = planned(each)
+        if is_stop_wanted():
+            raise StoppedByCaller
+        return run
+
+    return plan_with_poses(problem, cell_of(target), geometry_backend(), in_time, seed, store).moving
+
+
+def plan_of(source: "Planned | str | PathLike[str]") -> "tuple[Problem, Plan, Claims | None, str]":
+    """The problem and the plan of an answer or a plan file, and what the file claims. Raises `InvalidInput`."""
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput
+    from cellwright.kb.diagnostics import Source as Where
+
+    if not isinstance(source, Planned):
+        from cellwright.engine.pipelines.planning.plan_files import claimed_in
+
+        return *claimed_in(Path(source)), fspath(source)
+    if source.plan is None:
+        raise InvalidInput(
+            [Diagnostic(Where(source.problem.name), "K404", "there is no plan", source.outcome.reason)]  # type: ignore[union-attr]
+        )
+    from cellwright.kb.model.plan_model import Claims
+
+    return source.problem, source.plan, Claims(dict(source.starts or {})), source.problem.name
+
+
+@dataclass(frozen=True, repr=False)
+class Verdict(Answer):
+    """What the independent checker says of a plan. It counts as true if the plan is right."""
+
+    plan: "Plan"
+    found: "tuple[Diagnostic, ...]"
+
+    def __bool__(self) -> bool:
+        return not self.found
+
+    @property
+    def status(self) -> str:
+        """valid or invalid."""
+        return "invalid" if self.found else "valid"
+
+    @property
+    def diagnostics(self) -> "tuple[Diagnostic, ...]":
+        """Everything that is wrong."""
+        return self.found
+
+    def data(self) -> Mapping[str, Any]:
+        """How many steps and causal links were looked at."""
+        return {"steps": len(self.plan.steps), "links": len(self.plan.links)}
+
+    def _renderable(self) -> "RenderableType":
+        from rich.console import Group
+        from rich.text import Text
+
+        from cellwright.engine.formats.report.diagnostic_messages import diagnostics_text
+
+        summary_text = Text(f"{self.status}: {len(self.plan.steps)} steps, cost {self.plan.cost}")
+        return Group(summary_text, diagnostics_text(self.found)) if self.found else summary_text
+
+
+def validate(plan: "Planned | str | PathLike[str]", problem: Target | None = None) -> Verdict:
+    """Check a plan, or a plan file, with the independent checker: against its own problem or another one.
+
+    Raises `InvalidInput` for a file that is no plan.
+    """
+    from cellwright.engine.pipelines.planning.plan_files import check_plan
+
+    own, made, claims, name = plan_of(plan)
+    asked = own if problem is None else load(problem)
+    return Verdict(made, tuple(check_plan(asked, made, name, claims)))
+
+
+@dataclass(frozen=True, repr=False)
+class Revised(Answer):
+    """A plan that was repaired or replaced after the world had changed."""
+
+    revision: "PlanRevision"
+    follows: "tuple[tuple[Atom, bool], ...]"
+
+    @property
+    def outcome(self) -> "Outcome":
+        """The new plan, or why there is none."""
+        return self.revision.outcome
+
+    @property
+    def status(self) -> str:
+        """As of a plan."""
+        from cellwright.engine.formats.report import json_answers
+
+        return json_answers.outcome_status(self.outcome)
+
+    def data(self) -> Mapping[str, Any]:
+        """The new plan, and what of the old one was kept, dropped and added."""
+        from cellwright.engine.formats.report import json_answers
+        from cellwright.engine.formats.report.runs.recovery_report import revision_entry
+
+        plan = json_answers.outcome_entry(self.outcome, self.revision.problem)
+        return {**plan, "revision": revision_entry(self.revision, self.follows)}
+
+    def svg(self) -> str | None:
+        """The partial order of the new plan as a picture."""
+        from cellwright.engine.formats.report.drawing import plan_svg
+        from cellwright.engine.model.outcome import Found
+
+        outcome = self.outcome
+        return plan_svg.draw_plan(outcome.plan, self.revision.problem) if isinstance(outcome, Found) else None
+
+    def _renderable(self) -> "RenderableType":
+        from cellwright.engine.formats.report.runs.recovery_report import revision_text
+
+        return revision_text(self.revision, self.follows)
+
+
+def revise(
+    plan: "Planned | str | PathLike[str]",
+    *,
+    done: str = "",
+    holds: str = "",
+    gone: str = "",
+    lost: str = "",
+    both: bool = False,
+    seconds: float | None = None,
+    expansions: int = 1_000_000,
+    seed: int = 0,
+) -> Revised:
+    """Repair a plan for what was observed, or replan, whichever is cheaper; with `both`, always try both.
+
+    `done` are steps ("1..4, 7"), `holds` and `gone` facts, `lost` tools and resources. Raises `InvalidInput`, `TimeoutError`.
+    """
+    from cellwright.engine.pipelines.recovery.observations import revised_now
+    from cellwright.engine.pipelines.recovery.replanning import plan_in_sequence
+    from cellwright.engine.stages.planning import SearchLimits
+
+    with limit_seconds(seconds) as over:
+        problem, old_plan, _, _ = plan_of(plan)
+        limits = SearchLimits(expansions, interrupted=over, seed=seed)
+        return Revised(
+            *revised_now(problem, old_plan, (done, holds, gone, lost), limits, both, plan_in_sequence)
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Explained(Answer):
+    """Why a problem has no plan, and the smallest changes that would allow one."""
+
+    explanation: "Explanation"
+
+    @property
+    def status(self) -> str:
+        """feasible, infeasible or unknown."""
+        return self.explanation.status
+
+    def data(self) -> Mapping[str, Any]:
+        """Goals, exclusions and changes."""
+        from cellwright.engine.formats.report.plans.explanation_report import explanation_entry
+
+        return explanation_entry(self.explanation)
+
+    def _renderable(self) -> "RenderableType":
+        from cellwright.engine.formats.report.plans.explanation_report import explanation_text
+
+        return explanation_text(self.explanation)
+
+
+def explain(
+    target: Target,
+    *,
+    goals: str = "",
+    command: str = "",
+    seconds: float | None = None,
+    expansions: int = 1_000_000,
+) -> Explained:
+    """Explain why there is no plan. Each change that is offered is proved by a plan. Raises `InvalidInput`, `TimeoutError`."""
+    from cellwright.engine.pipelines import explanation
+    from cellwright.engine.stages.planning import SearchLimits
+
+    with limit_seconds(seconds) as over:
+        problem = load(target, goals, command)
+        return Explained(
+            explanation.explain_infeasibility(problem, SearchLimits(expansions=expansions, interrupted=over))
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Reason(Answer):
+    """Why a step is in a plan, and why it stands where it stands."""
+
+    reason: "StepReason"
+
+    @property
+    def status(self) -> str:
+        """ok."""
+        return "ok"
+
+    def data(self) -> Mapping[str, Any]:
+        """Purposes and orders."""
+        from cellwright.engine.formats.report.plans.explanation_report import step_entry
+
+        return step_entry(self.reason)
+
+    def _renderable(self) -> "RenderableType":
+        from cellwright.engine.formats.report.plans.explanation_report import step_reason
+
+        return step_reason(self.reason)
+
+
+def why(plan: "Planned | str | PathLike[str]", step: int) -> Reason:
+    """Explain a step of a plan by its number: what it serves, up to the goals. Raises `InvalidInput`."""
+    from cellwright.engine.pipelines.explanation import step_purposes
+    from cellwright.engine.stages.grounding import ground
+
+    problem, explained_plan, _, name = plan_of(plan)
+    return Reason(step_purposes.explain_step(ground(problem), explained_plan, step, name))
+
+
+@dataclass(frozen=True, repr=False)
+class Checked(Answer):
+    """Everything that is wrong with files. It counts as true if nothing is."""
+
+    report: "CheckReport"
+
+    def __bool__(self) -> bool:
+        return not self.report.diagnostics
+
+    @property
+    def status(self) -> str:
+        """ok, warnings or errors."""
+        from cellwright.kb.diagnostics import select_errors
+
+        diagnostics = self.report.diagnostics
+        return "errors" if select_errors(diagnostics) else "warnings" if diagnostics else "ok"
+
+    @property
+    def diagnostics(self) -> "tuple[Diagnostic, ...]":
+        """The findings, the most important first."""
+        return self.report.diagnostics
+
+    def data(self) -> Mapping[str, Any]:
+        """The files that were looked at."""
+        return {"checked": list(self.report.checked)}
+
+    def _renderable(self) -> "RenderableType":
+        from rich.console import Group
+        from rich.text import Text
+
+        from cellwright.engine.formats.report.diagnostic_messages import diagnostics_summary, diagnostics_text
+
+        found_diagnostics = self.report.diagnostics
+        summary_text = Text(f"{diagnostics_summary(found_diagnostics)} in {len(self.report.checked)} files")
+        return Group(diagnostics_text(found_diagnostics), summary_text) if found_diagnostics else summary_text
+
+
+def check(target: Target, *, reach: bool = True) -> Checked:
+    """Look for errors in a domain, its problems, cell, fault base and contact model; with `reach`, for places out of reach."""
+    from cellwright.engine.authoring import domain_check
+
+    return Checked(domain_check.check_domain_files(name_of(target), reach))

@@ -1,0 +1,348 @@
+"""The verb `plan`: a plan for a target, as a table, as data, as a picture or for PDDL planners."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cellwright.engine.faces.cli.option_declarations import Argument, Option, make_misfit, refuse_idle
+from cellwright.engine.faces.cli.options.shared_options import (
+    Anytime,
+    Before,
+    Command,
+    Expansions,
+    Goals,
+    Lasts,
+    Library,
+    Pddl,
+    Race,
+    Seed,
+    Stats,
+    Strategy,
+    Target,
+    TimeLimit,
+    Windows,
+)
+from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.output.output_files import Output, answer_form
+from cellwright.engine.faces.cli.process.exit_codes import INTERRUPTED, exit_code
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+    from cellwright.engine.formats.interop.pddl import PddlProblem
+    from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
+    from cellwright.engine.pipelines.motion.moving_plan import MovingRun
+    from cellwright.engine.pipelines.planning.plan_objective import Run
+    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.kb.model.planning_problem import Problem
+
+
+class PlanForm(StrEnum):
+    """How a plan is written: as a table, as data, as a picture of its partial order, or in the format of PDDL planners."""
+
+    TEXT = "text"
+    JSON = "json"
+    DOT = "dot"
+    SVG = "svg"
+    IPC = "ipc"
+
+
+def raw_plan(made: "PlanAnswer", form: PlanForm, task: "PddlProblem | None") -> str | None:
+    """The plan as a file of its own: DOT, SVG, or IPC for a PDDL `task`. None without a plan, and for the other forms."""
+    from cellwright.engine.model.outcome import Found
+
+    if form is PlanForm.IPC:
+        return _ipc_plan(made, task)
+    outcome = made.run.outcome
+    if not isinstance(outcome, Found):
+        return None
+    if form is PlanForm.DOT:
+        from cellwright.engine.formats.report.drawing import dot_graphs
+
+        return dot_graphs.plan_dot(outcome.plan, made.problem)
+    if form is PlanForm.SVG:
+        from cellwright.engine.formats.report.drawing import plan_svg
+
+        return plan_svg.draw_plan(outcome.plan, made.problem)
+    return None
+
+
+def _ipc_plan(made: "PlanAnswer", task: "PddlProblem | None") -> str | None:
+    """The plan in the format of the planning competitions."""
+    from cellwright.engine.formats.interop.pddl.competition_plans import write_plan
+    from cellwright.engine.model.outcome import Found
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    if task is None:
+        hint = "give --pddl"
+        raise InvalidInput([Diagnostic(Source("--format"), "K409", "ipc is a format for PDDL tasks", hint)])
+    outcome = made.run.outcome
+    return write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
+
+
+class PlanObjective(StrEnum):
+    """What a plan should have least of."""
+
+    COST = "cost"
+    MAKESPAN = "makespan"
+
+
+Objective = Annotated[
+    PlanObjective | None,
+    Option(
+        "--objective",
+        help="what the plan_target should have least of; without it makespan, then cost, where steps take time, else cost",
+    ),
+]
+Folded = Annotated[
+    bool, Option("--folded", help="with --store: print the MACROPs in the plan_target instead of its steps")
+]
+
+
+class MeasurementOrdering(StrEnum):
+    """Who decides the order of measurements."""
+
+    SEQUENCE = "sequence"
+    FREE = "free"
+
+
+Motion = Annotated[
+    bool,
+    Option("--motion", help="with the motion of the arm in every step, and the time that it takes"),
+]
+
+Order = Annotated[
+    MeasurementOrdering | None,
+    Option(
+        "--order",
+        help="who orders measurements: the sequencer, or the planner alone (free); without it the sequencer, unless "
+        "--objective, --strategy, --race or --anytime asks the planner",
+    ),
+]
+
+FORMAT = "how the plan is written: text, unless the name of the output ends otherwise"
+
+
+def plan_target(
+    target: Target,
+    task: Annotated[Path | None, Argument(help="with --pddl: the PDDL problem")] = None,
+    pddl: Pddl = False,
+    goals: Goals = "",
+    command: Command = "",
+    format: Annotated[PlanForm | None, Option("--format", help=FORMAT)] = None,
+    output: Output = None,
+    stats: Stats = False,
+    time_limit: TimeLimit = None,
+    expansions: Expansions = 1_000_000,
+    strategy: Strategy = "auto",
+    race: Race = False,
+    anytime: Anytime = False,
+    seed: Seed = 0,
+    objective: Objective = None,
+    order: Order = None,
+    store: Library = "",
+    folded: Folded = False,
+    motion: Motion = False,
+    window: Windows = None,
+    lasts: Lasts = None,
+    before: Before = None,
+) -> None:
+    """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
+    plan_request = PlanRequest(target, goals, command, task, (window or [], lasts or [], before or []))
+    _refuse_misfits(plan_request, pddl, strategy if race else "auto", motion)
+    kind = answer_form(output, format, PlanForm.TEXT)
+    _refuse_unseen(PlanForm.TEXT if output else kind, stats, folded, store)
+    searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
+    searching["--strategy"] = strategy != "auto"
+    planner_strategy, wish = (
+        "race" if race else strategy,
+        objective or (PlanObjective.COST if strategy == "shortest" else None),
+    )
+    ordered = _choose_ordering(order, searching)
+    work = SearchOptions(
+        time_limit, expansions, seed, planner_strategy, anytime, store, folded, wish, ordered, motion
+    )
+    give_answer(
+        lambda: _plan_target(plan_request, kind, stats, work),
+        AnswerForm.JSON if kind is PlanForm.JSON else AnswerForm.TEXT,
+        output,
+    )
+
+
+def _choose_ordering(
+    given: MeasurementOrdering | None, searching: "Mapping[str, object]"
+) -> MeasurementOrdering:
+    """Who orders measurements. Options that ask the planner to search leave the order to it."""
+    if given is MeasurementOrdering.SEQUENCE:
+        refuse_idle(searching, "with --order sequence: the planner seeks no order then")
+    return given or (MeasurementOrdering.FREE if any(searching.values()) else MeasurementOrdering.SEQUENCE)
+
+
+def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool) -> None:
+    """Refuse options that do not go together; `raced` is the strategy that is asked for beside a race of all."""
+    if pddl and motion:
+        raise make_misfit("--motion needs a cell: a PDDL problem has none")
+    if pddl != (wanted.pddl is not None):
+        raise make_misfit("--pddl takes a domain and a problem; without it there is one target")
+    if pddl:
+        own: dict[str, object] = {"--goals": wanted.goals, "--command": wanted.command}
+        own |= dict(zip(("--window", "--lasts", "--before"), wanted.demands, strict=True))
+        refuse_idle(own, "with --pddl: the PDDL problem says all that is wanted")
+    if raced != "auto":
+        refuse_idle({"--strategy": raced}, "with --race, which runs all of them: leave one of the two out")
+
+
+def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> None:
+    """Refuse options that the form of the answer cannot show."""
+    if folded and not store:
+        raise make_misfit("--folded needs a library of MACROPs: give --store")
+    if form is not PlanForm.TEXT:
+        refuse_idle({"--folded": folded}, f"on {form}, only on text")
+    if form not in (PlanForm.TEXT, PlanForm.JSON):
+        refuse_idle({"--stats": stats}, f"on {form}, only on text and json")
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """What is to be planned: a target, goals or a command that replace its own, and windows, durations and orders of visits."""
+
+    target: str
+    goals: str = ""
+    command: str = ""
+    pddl: Path | None = None
+    demands: tuple[list[str], list[str], list[str]] = ([], [], [])
+
+
+@dataclass(frozen=True, slots=True)
+class SearchOptions:
+    """The limits of the search (seconds, expansions), and how it searches."""
+
+    seconds: float | None
+    expansions: int
+    seed: int
+    strategy: str
+    anytime: bool = False
+    store: str = ""
+    folded: bool = False
+    objective: "PlanObjective | None" = None
+    order: MeasurementOrdering = MeasurementOrdering.SEQUENCE
+    motion: bool = False
+
+
+def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
+    if not wanted.pddl:
+        return None
+    from cellwright.engine.formats.interop.pddl import read_pddl_task
+
+    return read_pddl_task(Path(wanted.target), wanted.pddl)
+
+
+def _plan_target(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> VerbAnswer:
+    from cellwright.engine.faces.cli.process.search_interruption import SearchInterruption
+    from cellwright.engine.formats.report import json_answers
+    from cellwright.engine.formats.report.plans import plan_answer
+
+    _require_strategy(work.strategy)
+    task = _read_task(wanted)
+    with SearchInterruption(work.seconds) as interrupted:
+        made_plan = _make_plan(wanted, task, work, interrupted)
+    outcome = made_plan.run.outcome
+    return VerbAnswer(
+        json_answers.outcome_status(outcome),
+        plan_answer.plan_answer_content(made_plan, stats) if form is PlanForm.JSON else {},
+        text=lambda: plan_answer.plan_answer_text(made_plan, stats, work.folded),
+        code=INTERRUPTED if interrupted.heard else exit_code(outcome),
+        diagnostics=(
+            *plan_answer.library_warnings(made_plan.origin, work.store),
+            *(task.warnings if task else ()),
+        ),
+        raw=raw_plan(made_plan, form, task),
+    )
+
+
+def _make_plan(
+    wanted: PlanRequest, task: "PddlProblem | None", work: SearchOptions, interrupted: "SearchInterruption"
+) -> "PlanAnswer":
+    """The plan, with the motions of its steps if they are asked for."""
+    from cellwright.engine.formats.report.plans.plan_answer import PlanAnswer
+    from cellwright.engine.pipelines.planning import plan_objective as objectives
+    from cellwright.engine.pipelines.planning.library_plans import plan_with_library
+
+    problem = task.problem if task else _wanted_problem(wanted)
+    limits = _search_limits(work, interrupted, task is not None)
+    wish = objectives.PlanningObjective(work.objective.value) if work.objective else None
+    order = objectives.SequenceChoice(work.order.value)
+    if work.motion:
+        moving = _plan_motions(
+            wanted.target,
+            problem,
+            work,
+            interrupted,
+            lambda each: objectives.plan_for_objective(each, limits, wish, order),
+        )
+        return PlanAnswer(moving.run, moving.problem, moving=moving)
+    run, origin = plan_with_library(problem, limits, wish, order, work.store, work.folded)
+    return PlanAnswer(run, problem, origin)
+
+
+def _wanted_problem(wanted: PlanRequest) -> "Problem":
+    """The problem with what the options ask of its measurements."""
+    from cellwright.engine.pipelines.planning import checked_plan
+
+    problem = checked_plan.problem_of(wanted.target, wanted.goals, wanted.command)
+    if not any(wanted.demands):
+        return problem
+    from cellwright.engine.pipelines.inspection.tour_demands import as_facts, of_options
+
+    return as_facts(problem, of_options(*wanted.demands))
+
+
+def _search_limits(work: SearchOptions, interrupted: "SearchInterruption", pddl: bool) -> "SearchLimits":
+    """When the search ends. A PDDL problem gets little room for exact search, and no restarts."""
+    from cellwright.engine.stages.planning import RESTARTS, SMALL_STATE_ROOM, STATE_ROOM, SearchLimits
+
+    return SearchLimits(
+        work.expansions,
+        room=SMALL_STATE_ROOM if pddl else STATE_ROOM,
+        restarts=0 if pddl else RESTARTS,
+        interrupted=interrupted,
+        thorough=work.anytime,
+        strategy=work.strategy,
+        seed=work.seed,
+        improved=interrupted.tell if work.anytime else lambda _: None,
+    )
+
+
+def _plan_motions(
+    target: str,
+    problem: "Problem",
+    work: SearchOptions,
+    interrupted: "SearchInterruption",
+    planned: "Callable[[Problem], Run]",
+) -> "MovingRun":
+    """The plan in which every step moves. Raises `Stopped` if it is interrupted: a plan that does not move is no answer."""
+    from cellwright.engine.pipelines.motion.moving_plan import plan_with_poses
+    from cellwright.engine.plugins import geometry_backend
+    from cellwright.kb.loader.cell import cell_of
+    from cellwright.kb.stopping import StoppedByCaller
+
+    def planned_in_time(each: "Problem") -> "Run":
+        run = planned(each)
+        if interrupted.told:
+            raise StoppedByCaller
+        return run
+
+    backend = geometry_backend()
+    posed_plan = plan_with_poses(problem, cell_of(target), backend, planned_in_time, work.seed, work.store)
+    return posed_plan.moving
+
+
+def _require_strategy(name: str) -> None:
+    from cellwright.engine.stages.planning import RACE, STRATEGIES
+    from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source, nearest_hint
+
+    if name not in (*STRATEGIES, RACE):
+        hint = nearest_hint(name, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"
+        raise InvalidInput([Diagnostic(Source("--strategy"), "K406", f"no strategy '{name}'", hint)])

@@ -1,0 +1,106 @@
+"""The verbs `store`: check, back up, restore and migrate a library with all that is kept in it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cellwright.engine.faces.cli.option_declarations import Argument, Option
+from cellwright.engine.faces.cli.options.shared_options import Format, Library
+from cellwright.engine.faces.cli.output.answer_output import AnswerForm, VerbAnswer, give_answer
+from cellwright.engine.faces.cli.process.exit_codes import FINDINGS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import RenderableType
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+
+@app.callback()
+def store_group() -> None:
+    """Check, back up, restore and move a library, with the closed cases, sequences, poses and journals in it."""
+
+
+@app.command()
+def check(store: Library, format: Format = AnswerForm.TEXT) -> None:
+    """Look for damage in a library. The library is only read."""
+    give_answer(lambda: _check_store(store), format)
+
+
+@app.command()
+def backup(
+    file: Annotated[Path, Argument(help="the file to write: a library in SQLite")],
+    store: Library,
+    format: Format = AnswerForm.TEXT,
+) -> None:
+    """Copy a library into FILE, also while others use it."""
+    give_answer(lambda: _backup_store(file, store), format)
+
+
+@app.command()
+def restore(
+    file: Annotated[Path, Argument(help="a file that `store_group backup` wrote")],
+    store: Library,
+    replace: Annotated[
+        bool, Option("--replace", help="throw away what the library holds, if it holds anything")
+    ] = False,
+    format: Format = AnswerForm.TEXT,
+) -> None:
+    """Put the backup FILE into an empty library, in SQLite or PostgreSQL."""
+    give_answer(lambda: _restore_store(file, store, replace), format)
+
+
+@app.command()
+def migrate(
+    source: Annotated[
+        str, Argument(metavar="SOURCE", help="the library to copy: a file, or a URL as for --store_group")
+    ],
+    store: Library,
+    format: Format = AnswerForm.TEXT,
+) -> None:
+    """Copy the library SOURCE into an empty one: from SQLite to PostgreSQL, or back. SOURCE stays as it is."""
+    give_answer(lambda: _migrate_store(source, store), format)
+
+
+def _check_store(store: str) -> VerbAnswer:
+    from cellwright.kb.store.store_maintenance import check_library
+
+    findings, rows = check_library(store)
+    status, code = ("damaged", FINDINGS) if findings else ("ok", 0)
+    summary_line = "" if findings else "no damage found"
+    return VerbAnswer(status, {"rows": rows}, lambda: _row_counts(rows, summary_line), code, tuple(findings))
+
+
+def _backup_store(file: Path, store: str) -> VerbAnswer:
+    from cellwright.kb.store.store_maintenance import write_backup
+
+    rows = write_backup(store, file)
+    return VerbAnswer(
+        "ok", {"file": str(file), "rows": rows}, lambda: _row_counts(rows, f"written to {file}, and checked")
+    )
+
+
+def _restore_store(file: Path, store: str, replaces: bool) -> VerbAnswer:
+    from cellwright.kb.store.store_maintenance import restore_backup as restored
+
+    rows = restored(file, store, replaces)
+    return VerbAnswer("ok", {"rows": rows}, lambda: _row_counts(rows, "restored"))
+
+
+def _migrate_store(source: str, store: str) -> VerbAnswer:
+    from cellwright.kb.store.store_maintenance import migrate_library as copied
+
+    rows = copied(source, store)
+    return VerbAnswer("ok", {"rows": rows}, lambda: _row_counts(rows, "copied, and checked"))
+
+
+def _row_counts(rows: "Mapping[str, int]", said: str) -> "RenderableType":
+    from rich.console import Group
+    from rich.text import Text
+
+    from cellwright.engine.formats.report.text_tables import TextTable
+
+    table = TextTable(("table", "rows"), [(name, str(count)) for name, count in rows.items()])
+    return Group(table, *([Text(said)] if said else []))

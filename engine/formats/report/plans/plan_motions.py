@@ -1,0 +1,138 @@
+"""Motions of a plan, step by step, as text and as data."""
+
+from typing import TYPE_CHECKING, Any
+
+from cellwright.engine.model.motion_values import MovedStep, StepLeg, Unmoved
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from cellwright.engine.model.motion_values import SharedZone, Sharing
+    from cellwright.engine.pipelines.motion.moving_plan import MovingRun
+
+
+def plan_motions_text(moving: "MovingRun") -> "list[RenderableType]":
+    """A table of the motions, what had none, and the goals that are given up."""
+    from rich.table import Table
+    from rich.text import Text
+
+    report_parts: list[RenderableType] = []
+    if moving.steps:
+        table = Table("step", "at", "motion, with its time (s)", "in all (s)", box=None, pad_edge=False)
+        for step in moving.steps:
+            table.add_row(str(step.step), step.place, _leg_words(step), f"{step.seconds:.1f}")
+        report_parts += [table, Text(_proof_text(moving.steps))]
+    if moving.sharing is not None:
+        report_parts += [Text(line) for line in sharing_lines(moving.sharing)]
+    for refused in moving.refused:
+        report_parts.append(
+            Text(f"{refused.operator} was left out: it has no motion, {_refusal_place(refused)}")
+        )
+    report_parts += [
+        Text(f"{given_up_goal.goal} is given up: {given_up_goal.why}") for given_up_goal in moving.given_up
+    ]
+    return report_parts
+
+
+def sharing_lines(shared: "Sharing") -> list[str]:
+    """How the arms keep apart, as lines of text."""
+    apart_lines = []
+    for zone in shared.zones:
+        who = "; ".join(f"{arm} in {_step_numbers(steps)}" for arm, steps in zone.steps.items())
+        apart_lines.append(f"{zone.name}: a space of {_zone_size(zone)} that the arms share: {who}")
+    apart_text = f"{shared.apart} pairs of steps of two arms are proved never to meet"
+    if shared.ordered:
+        apart_text += f"; of {shared.ordered} that could, one waits for the other"
+    return [*apart_lines, f"{apart_text}. That holds however late a step is."]
+
+
+def _step_numbers(steps: "tuple[int, ...]") -> str:
+    return f"step {steps[0]}" if len(steps) == 1 else f"steps {', '.join(map(str, steps))}"
+
+
+def _zone_size(zone: "SharedZone") -> str:
+    sides = (high - low for low, high in zip(zone.lower, zone.upper, strict=True))
+    return " x ".join(f"{side:.2f}" for side in sides) + " m"
+
+
+def _leg_words(step: MovedStep) -> str:
+    parts = [f"{leg.kind.value} {leg.seconds:.1f}" for leg in step.legs if leg.seconds]
+    return (
+        ", ".join([*parts, *([f"there {step.takes_s:.1f}"] if step.takes_s else [])])
+        or "none: it is there already"
+    )
+
+
+def _proof_text(steps: tuple[MovedStep, ...]) -> str:
+    open_ = [step for step in steps if not step.proved]
+    legs = sum(len(step.legs) for step in steps)
+    if not open_:
+        return f"{legs} paths, all proved to touch nothing that they may not"
+    return f"{legs} paths; those of {len(open_)} steps are free wherever they were looked at, but not proved"
+
+
+def _refusal_place(refused: Unmoved) -> str:
+    while_ = f", while {', '.join(map(str, refused.while_true))}" if refused.while_true else ""
+    return f"{refused.reason}{while_}"
+
+
+def plan_motions_entry(moving: "MovingRun") -> dict[str, Any]:
+    """The motions for JSON: joint values in rad or m, times in s from the start of each leg."""
+    return {
+        "motion": [_step_entry(step) for step in moving.steps],
+        "without_motion": [
+            {
+                "operator": str(refused_step.operator),
+                "place": refused_step.place,
+                "level": refused_step.level,
+                "reason": refused_step.reason,
+                "in_the_way": list(refused_step.culprits),
+                "while": list(map(str, refused_step.while_true)),
+            }
+            for refused_step in moving.refused
+        ],
+        "given_up": [
+            {"goal": given_up_goal.goal, "why": given_up_goal.why} for given_up_goal in moving.given_up
+        ],
+        **({"sharing": _sharing_entry(moving.sharing)} if moving.sharing is not None else {}),
+    }
+
+
+def _sharing_entry(shared: "Sharing") -> dict[str, Any]:
+    return {
+        "zones": [
+            {
+                "name": zone.name,
+                "lower_m": list(zone.lower),
+                "upper_m": list(zone.upper),
+                "steps": {arm: list(steps) for arm, steps in zone.steps.items()},
+            }
+            for zone in shared.zones
+        ],
+        "never_meet": shared.apart,
+        "ordered": shared.ordered,
+        "orders": sorted(map(list, shared.held)),
+    }
+
+
+def _step_entry(step: MovedStep) -> dict[str, Any]:
+    return {
+        "step": step.step,
+        "operator": str(step.operator),
+        "place": step.place,
+        "seconds": round(step.seconds, 6),
+        "there_s": step.takes_s,
+        "legs": [_step_leg_entry(leg) for leg in step.legs],
+    }
+
+
+def _step_leg_entry(leg: StepLeg) -> dict[str, Any]:
+    return {
+        "kind": leg.kind.value,
+        "arm": leg.arm,
+        "configurations": leg.path.tolist(),
+        "times_s": leg.corners_s.tolist(),
+        "proved": leg.proved,
+        "holding": list(leg.holding),
+        **({"beside": [_step_leg_entry(beside_leg) for beside_leg in leg.beside]} if leg.beside else {}),
+    }

@@ -1,0 +1,291 @@
+"""Connection to a controller over TCP or standard streams, with heartbeats, and its options.
+
+An event loop in a thread of its own reads and writes. The one thread that drives asks, and takes what came from a queue.
+"""
+
+import asyncio
+import contextlib
+import queue
+import shlex
+import threading
+import time
+from collections.abc import Mapping
+from concurrent import futures
+from dataclasses import dataclass
+from typing import Any
+
+from cellwright.engine.pipelines.execution.controllers.protocol import (
+    ANSWER_OF_QUESTION,
+    MAX_LINE_BYTES,
+    MalformedLine,
+    protocol_line,
+    read_line,
+)
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.numbers import NumberError, is_count, read_decimal
+
+MAX_SILENT_HEARTBEATS = 3  # heartbeats without a line after which a controller counts as hanging
+AGAIN_S = 0.1  # between two attempts to connect
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerAddress:
+    """Where a controller is: `command` starts it, or it listens at `host` and `port`."""
+
+    command: str = ""
+    host: str = ""
+    port: int = 0
+
+    def __str__(self) -> str:
+        return self.command or f"{self.host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long a controller may take: to begin, to answer, between two signs of life, and to be there again. Seconds."""
+
+    begin_s: float = 30.0
+    answer_s: float = 5.0
+    heartbeat_s: float = 1.0
+    reconnect_s: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class MessageCame:
+    """A line that nobody asked for."""
+
+    content: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class UnreadableLine:
+    """A line that is none of the protocol."""
+
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerConnected:
+    """The controller is there, or there again."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionBroken:
+    """The controller is lost for good."""
+
+    why: str
+
+
+Event = MessageCame | UnreadableLine | ControllerConnected | ConnectionBroken
+
+
+class NoAnswer(Exception):
+    """A question got no answer. The text says why."""
+
+
+class NoTimelyAnswer(NoAnswer):
+    """The connection stands, but no answer came in time."""
+
+
+class ControllerLink:
+    """A line to one controller."""
+
+    def __init__(self, place: ControllerAddress, patience: Patience) -> None:
+        self.place, self.patience = place, patience
+        self.inbox: queue.Queue[Event] = queue.Queue()
+        self._loop = asyncio.new_event_loop()
+        self._writer: asyncio.StreamWriter | None = None
+        self._process: asyncio.subprocess.Process | None = None
+        self._asked: dict[int, tuple[str, futures.Future[dict[str, Any]]]] = {}
+        self._number = 0
+        self._closing = False
+        self._spoke = False  # whether the controller has ever said anything
+        self._thread = threading.Thread(target=self._live, daemon=True)
+        self._thread.start()
+
+    def ask(self, type_: str, **content: Any) -> dict[str, Any]:
+        """Ask the controller, and wait for its answer. Raises `NoAnswer`."""
+        patience = self.patience.answer_s if self._spoke else self.patience.begin_s
+        self._number += 1
+        number = self._number
+        answer: futures.Future[dict[str, Any]] = futures.Future()
+        self._asked[number] = (type_, answer)
+        self._loop.call_soon_threadsafe(self._write, protocol_line(type_, id=number, **content))
+        try:
+            return answer.result(patience)
+        except futures.TimeoutError:
+            raise NoTimelyAnswer(f"no answer to `{type_}` within {patience:g} s") from None
+        finally:
+            self._asked.pop(number, None)
+
+    def say(self, text: bytes) -> None:
+        """Send a line that asks nothing."""
+        self._loop.call_soon_threadsafe(self._write, text)
+
+    def broken_off(self) -> None:
+        """Give this connection up, so that another one is made."""
+        self._loop.call_soon_threadsafe(self._hang_up)
+
+    def close(self) -> None:
+        """Say goodbye. A controller that listens lives on; one that was started here is left to end by itself."""
+        self._closing = True
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._write, protocol_line("bye"))
+            self._loop.call_soon_threadsafe(self._hang_up)
+        self._thread.join(self.patience.answer_s)
+
+    def _write(self, text: bytes) -> None:
+        if self._writer is None or self._writer.is_closing():
+            self._disappoint("the connection is broken")
+            return
+        self._writer.write(text)
+
+    def _hang_up(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+    def _disappoint(self, why: str) -> None:
+        """Nobody will answer what was asked."""
+        for _, answer in list(self._asked.values()):
+            if not answer.done():
+                answer.set_exception(NoAnswer(why))
+
+    def _live(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._connections())
+        finally:
+            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+            self._loop.close()
+
+    async def _connections(self) -> None:
+        """One connection after another, until the last one is lost or given back."""
+        lost, why = time.monotonic(), ""
+        while not self._closing:
+            try:
+                reader = await asyncio.wait_for(self._connect(), self.patience.answer_s)
+            except (TimeoutError, OSError) as error:
+                why = why or f"{self.place} cannot be reached: {error or 'no answer'}"
+                if self.place.command or time.monotonic() - lost > self.patience.reconnect_s:
+                    break
+                await asyncio.sleep(AGAIN_S)
+                continue
+            self.inbox.put(ControllerConnected())
+            why = await self._conversation(reader)
+            lost = time.monotonic()
+            self._hang_up()
+            self._disappoint(why)
+            if self.place.command:
+                break
+        await self._ended()
+        self.inbox.put(ConnectionBroken(why))
+        self._disappoint(why)
+
+    async def _connect(self) -> asyncio.StreamReader:
+        if not self.place.command:
+            reader, self._writer = await asyncio.open_connection(
+                self.place.host, self.place.port, limit=MAX_LINE_BYTES
+            )
+            return reader
+        pipe = asyncio.subprocess.PIPE
+        words = shlex.split(self.place.command)
+        self._process = await asyncio.create_subprocess_exec(
+            *words, stdin=pipe, stdout=pipe, limit=MAX_LINE_BYTES
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._writer = self._process.stdin
+        return self._process.stdout
+
+    async def _conversation(self, reader: asyncio.StreamReader) -> str:
+        """Read until the connection ends; why it did."""
+        silent = 0
+        beat = self.patience.heartbeat_s
+        while True:
+            try:
+                text = await asyncio.wait_for(reader.readline(), beat)
+            except TimeoutError:
+                silent += self._spoke
+                if silent >= MAX_SILENT_HEARTBEATS:
+                    return f"no sign of life for {silent * beat:g} s"
+                self._write(protocol_line("ping", id=0))
+                continue
+            except ValueError:
+                self.inbox.put(UnreadableLine(f"a line of more than {MAX_LINE_BYTES} bytes"))
+                continue
+            except OSError as error:
+                return f"the connection broke: {error}"
+            if not text:
+                return "the controller has hung up"
+            silent, self._spoke = 0, True
+            self._heard(text)
+
+    def _heard(self, text: bytes) -> None:
+        try:
+            message = read_line(text)
+        except MalformedLine as error:
+            self.inbox.put(UnreadableLine(str(error)))
+            return
+        if message["type"] == "alive" and message.get("id") == 0:
+            return
+        number = message.get("id")
+        asked = self._asked.get(number) if isinstance(number, int) else None
+        if asked is None:
+            self.inbox.put(MessageCame(message))
+        elif message["type"] in (ANSWER_OF_QUESTION[asked[0]], "refused") and not asked[1].done():
+            asked[1].set_result(message)
+        else:
+            self.inbox.put(UnreadableLine(f"`{message['type']}` is no answer to `{asked[0]}`"))
+
+    async def _ended(self) -> None:
+        """Have a process that was started here end."""
+        if self._process is None:
+            return
+        with contextlib.suppress(ProcessLookupError):
+            try:
+                await asyncio.wait_for(self._process.wait(), self.patience.heartbeat_s)
+            except TimeoutError:
+                self._process.kill()
+                await self._process.wait()
+
+
+ADDRESS_HINT = "give --option command='PROGRAM ...' or --option address=HOST:PORT"
+CONTROLLER_OPTIONS = ("command", "address", "begin", "answer", "heartbeat", "reconnect")
+
+
+def place_of(options: Mapping[str, str]) -> ControllerAddress:
+    """Where the controller is. Raises `InvalidInput`."""
+    strange = next((option for option in options if option not in CONTROLLER_OPTIONS), None)
+    if strange is not None:
+        reason = f"the driver `external` has no option '{strange}'"
+        raise InvalidInput(
+            [Diagnostic(Source("--option"), "K406", reason, f"one of {', '.join(CONTROLLER_OPTIONS)}")]
+        )
+    command, address = options.get("command", ""), options.get("address", "")
+    host, _, port = address.rpartition(":")
+    if bool(command) == bool(address) or (address and not (host and is_count(port) and int(port) < 65536)):
+        raise InvalidInput([Diagnostic(Source("--option"), "K409", "where is the controller?", ADDRESS_HINT)])
+    return ControllerAddress(command, host, int(port or 0))
+
+
+def patience_of(options: Mapping[str, str]) -> Patience:
+    """How long the controller may take. Raises `InvalidInput`."""
+    usual = Patience()
+    try:
+        begin, answer, beat, again = (
+            read_decimal(options[name]) if name in options else seconds
+            for name, seconds in (
+                ("begin", usual.begin_s),
+                ("answer", usual.answer_s),
+                ("heartbeat", usual.heartbeat_s),
+                ("reconnect", usual.reconnect_s),
+            )
+        )
+    except NumberError as error:
+        reason = f"a number of seconds {error}"
+        raise InvalidInput([Diagnostic(Source("--option"), "K406", reason, "write answer=5")]) from None
+    if not (0 < begin < 1e6 and 0 < answer < 1e6 and 0 < beat < 1e6 and 0 <= again < 1e6):
+        raise InvalidInput(
+            [Diagnostic(Source("--option"), "K406", "a time must be more than 0 s", "give seconds")]
+        )
+    return Patience(begin, answer, beat, again)

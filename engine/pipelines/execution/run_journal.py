@@ -1,0 +1,81 @@
+"""Writing and reading a run's journal: records are on disk first, spoiled ones are bad input."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from cellwright.engine.model.run_protocol import JournalRecord, RecordKind
+from cellwright.kb.asp import AspError
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+
+Watcher = Callable[[JournalRecord], None]
+
+
+class RecordLedger(Protocol):
+    """Where records go. `append` returns when they are on the disk."""
+
+    def append(self, records: Sequence[JournalRecord]) -> None:
+        """Append records. Raises `JournalFailure` if that fails; then none of them is there."""
+        ...
+
+
+class Recorder:
+    """Notes records in groups. When a run is taken up again inside a case, it first meets the records that are there already."""
+
+    def __init__(
+        self, ledger: RecordLedger, clock: Callable[[], int], watchers: Sequence[Watcher] = (), last: int = 0
+    ) -> None:
+        self.ledger, self.clock, self.watchers, self.last = ledger, clock, tuple(watchers), last
+        self.waiting: list[JournalRecord] = []
+        self.known: list[JournalRecord] = []
+
+    def note(self, kind: RecordKind, **content: Any) -> JournalRecord:
+        """Note a record, to be written with the next group."""
+        if self.known:
+            if self.known[0].kind is kind:
+                return self.known.pop(0)
+            self.known.clear()
+        self.last += 1
+        record = JournalRecord(self.last, self.clock(), kind, content)
+        self.waiting.append(record)
+        return record
+
+    def told(self, kind: RecordKind) -> JournalRecord | None:
+        """The next record that is there already, if it is of this kind."""
+        return self.known[0] if self.known and self.known[0].kind is kind else None
+
+    def commit(self) -> None:
+        """Write what was noted, and show it to those who watch. Raises `JournalFailure`."""
+        if not self.waiting:
+            return
+        group, self.waiting = self.waiting, []
+        try:
+            self.ledger.append(group)
+        except BaseException:
+            self.waiting = group
+            raise
+        for record in group:
+            for watcher in self.watchers:
+                watcher(record)
+
+
+JOURNAL_ERRORS = (
+    AspError,
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+)
+
+
+@contextmanager
+def reading_past(store: str, run: str) -> Iterator[None]:
+    """A context that reads the records of a run. Raises `InvalidInput` where they say what no run writes."""
+    try:
+        yield
+    except JOURNAL_ERRORS as error:
+        reason = f"the journal of run '{run}' says what no run writes: {type(error).__name__}: {error}"
+        hint = "`cellwright store restore BACKUP --replace` puts a backup in its place"
+        raise InvalidInput([Diagnostic(Source(store), "K422", reason[:200], hint)]) from error

@@ -1,0 +1,64 @@
+"""Plans a problem with a MACROP library or without one, as the command line and Python ask it."""
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from cellwright.engine.pipelines.planning.macros import LibraryPlanner
+    from cellwright.engine.pipelines.planning.plan_objective import PlanningObjective, Run, SequenceChoice
+    from cellwright.engine.stages.planning import SearchLimits
+    from cellwright.kb.model.planning_problem import Problem
+
+
+def plan_with_library(
+    problem: "Problem",
+    limits: "SearchLimits",
+    objective_wanted: "PlanningObjective | None",
+    order: "SequenceChoice",
+    store: str,
+    folded: bool,
+    stays: bool = False,
+) -> "tuple[Run, dict[str, Any]]":
+    """The outcome for a problem, and when its steps happen. With a library, also where it comes from; with `folded`, also
+    its parts, as data. The library `stays` open in a process that plans again and again."""
+    from cellwright.engine.pipelines.planning import plan_objective
+
+    if not store:
+        return plan_objective.plan_for_objective(problem, limits, objective_wanted, order), {}
+    with _in_use(store, problem, limits, stays) as practice:
+        if order is plan_objective.SequenceChoice.SEQUENCE:
+            memory = practice.repertoire(problem.domain) if practice.learns else None
+            followed = plan_objective.plan_sequence(problem, limits, memory, store)
+            if followed is not None:
+                return followed, {"source": {"origin": "sequence", "macrop": None, "name": "", "reason": ""}}
+        answer = practice.plan(problem)
+        answer = practice.folded(problem, answer) if folded else answer
+    entry = {"origin": answer.origin, "macrop": answer.macrop, "name": answer.name, "reason": answer.reason}
+    entry |= {"lost": practice.library.loss} if practice.library.loss else {}
+    parts = [
+        {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
+        for part in answer.parts
+    ]
+    run = plan_objective.schedule_outcome(
+        problem, answer.outcome, limits, plan_objective.PlanningObjective.COST if parts else objective_wanted
+    )
+    return run, {"source": {**entry, "parts": parts} if parts else entry}
+
+
+@contextmanager
+def _in_use(
+    store: str, problem: "Problem", limits: "SearchLimits", stays: bool
+) -> "Iterator[LibraryPlanner]":
+    if stays:
+        from cellwright.engine.pipelines.planning.macros.library_planner import open_planner
+
+        with open_planner(store, problem.domain, limits) as practice:
+            yield practice
+        return
+    from cellwright.engine.pipelines.planning.macros import LibraryPlanner
+    from cellwright.kb.store import Library
+
+    with Library(store, beside=True) as library, LibraryPlanner(library, limits) as practice:
+        yield practice

@@ -1,0 +1,98 @@
+"""Reads plans from files and has the independent checker look at them; plans nothing."""
+
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from cellwright.engine.model.time_limits import (
+    Overstay,
+    Unmet,
+    measured_steps,
+    missed_windows,
+    turned_pairs,
+    windows_of,
+)
+from cellwright.engine.stages.validation import validate_plan
+from cellwright.engine.stages.validation.operator_semantics import Semantics
+from cellwright.engine.stages.validation.plan_claims import claimed_starts, last_end
+from cellwright.kb.asp.static_facts import evaluate_statics
+from cellwright.kb.diagnostics import Diagnostic, InvalidInput, Source
+from cellwright.kb.files import File, is_there, read_file
+from cellwright.kb.model.plan_model import Claims, Plan, StepId
+from cellwright.kb.model.planning_problem import Problem
+from cellwright.kb.targets import CONTACTS_FILE, find_target
+from cellwright.kb.terms import Number, Term
+
+OPERATORS_KEY = re.compile(r"^['\"]?(operators|use)['\"]?\s*:", re.MULTILINE)  # its own, or those of devices
+
+
+def check_plan(
+    problem: Problem, plan: Plan, name: str = "plan", claims: Claims | None = None
+) -> list[Diagnostic]:
+    """Everything that the independent checker has against a plan and against what is claimed of it; empty if it is valid.
+
+    Raises `InvalidInput`.
+    """
+    return validate_plan(problem, plan, name, claims)
+
+
+def plan_end(plan: Plan, claims: Claims | None = None) -> int:
+    """When the last step ends; each starts when it is said to, else as soon as it can."""
+    return last_end(plan, claimed_starts(plan, claims or Claims()))
+
+
+def unmet_times(problem: Problem, plan: Plan, claims: Claims | None = None) -> Unmet:
+    """What static facts ask of the times of measurements and stays, and a plan does not keep."""
+    words, declared = problem.domain.conventions, problem.domain.predicates
+    if not declared.keys() & {words.window, words.before, words.longest_stay}:
+        return Unmet()
+    facts, starts = evaluate_statics(problem), claimed_starts(plan, claims or Claims())
+    windows = windows_of(facts.atoms(words.window, 3))
+    pairs = [(str(first), str(second)) for first, second in facts.atoms(words.before, 2)]
+    longest = {
+        place: most.value for place, most in facts.atoms(words.longest_stay, 2) if isinstance(most, Number)
+    }
+    stays = _overstays_in(problem, plan, starts, longest) if longest else ()
+    if not windows and not pairs:
+        return Unmet(overstays=stays)
+    visits = measured_steps(problem, plan)
+    return Unmet(missed_windows(windows, visits, starts), turned_pairs(pairs, visits, starts), stays)
+
+
+def _overstays_in(
+    problem: Problem, plan: Plan, starts: Mapping[StepId, int], longest: Mapping[Term, int]
+) -> tuple[Overstay, ...]:
+    from cellwright.engine.pipelines.planning.dwell_limits import find_overstays  # loads what schedules
+
+    return find_overstays(problem, plan, starts, longest, Semantics(problem))
+
+
+def plan_in(file: Path) -> tuple[Problem, Plan]:
+    """The problem and the plan in a plan file; its domain may be one that is generated. Raises `InvalidInput`."""
+    return claimed_in(file)[:2]
+
+
+def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
+    """`plan_in`, and what else the file claims."""
+    from cellwright.kb.loader.plan import load_claimed
+
+    if not is_there(file) and _is_bundled(str(file)):
+        hint = f"make a plan first: cellwright plan {file} -o plan.json"
+        raise InvalidInput([Diagnostic(Source(str(file)), "K404", "this is no plan", hint)])
+    return load_claimed(file, generated_if_bare)
+
+
+def _is_bundled(target: str) -> bool:
+    with suppress(InvalidInput):
+        return bool(find_target(target))
+    return False
+
+
+def generated_if_bare(domain: Path) -> File | None:
+    """The generated domain for a domain file without operators that has a contact model beside it, else None."""
+    if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS_KEY.search(read_file(domain).text):
+        return None
+    from cellwright.engine.pipelines.contact_states import generate_domain  # slow to import
+
+    return generate_domain(domain)

@@ -1,0 +1,22 @@
+"""Simulators: drivers for cells that do not exist. `sim` has a virtual clock and ordered faults."""
+
+from cellwright.engine.pipelines.simulators.simulator_settings import (
+    Injection,
+    SimulatorSettings,
+    option_number,
+    settings_of,
+)
+from cellwright.engine.pipelines.simulators.true_state import HiddenCell, exceptions_of_cause
+from cellwright.engine.pipelines.simulators.virtual_clock import Simulator, fault_base, simulated_driver
+
+__all__ = [
+    "HiddenCell",
+    "Injection",
+    "SimulatorSettings",
+    "Simulator",
+    "fault_base",
+    "option_number",
+    "exceptions_of_cause",
+    "settings_of",
+    "simulated_driver",
+]

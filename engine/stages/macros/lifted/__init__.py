@@ -1,1 +1,0 @@
-"""Operators with variables. What a step does in a state is evaluated without grounding the task."""

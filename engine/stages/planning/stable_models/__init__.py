@@ -1,1 +1,0 @@
-"""Planning in answer set programming: plans as stable models."""
