@@ -29,13 +29,13 @@ __all__ = [
     "Loaded",
     "bundled_domains",
     "domain_of",
+    "domain_reference",
     "find_target",
     "load",
     "load_domain",
     "load_plan",
     "load_problem",
     "problem_files",
-    "domain_reference",
     "with_goals",
 ]
 

@@ -108,8 +108,8 @@ _TOKEN_HINTS = {
 
 
 __all__ = [
-    "SECONDS_PER_UNIT",
     "GRAMMAR_STARTS",
+    "SECONDS_PER_UNIT",
     "ExpressionError",
     "Parsed",
     "ReadAggregate",

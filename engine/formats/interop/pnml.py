@@ -361,7 +361,7 @@ def _xml_id(name: str) -> str:
     return "".join(character if character.isalnum() or character in "_-." else "_" for character in name)
 
 
-__all__ = ["read_pnml", "write_pnml", "write_contact_net"]
+__all__ = ["read_pnml", "write_contact_net", "write_pnml"]
 
 
 def write_contact_net(net: ContactNet, coloured: bool) -> str:

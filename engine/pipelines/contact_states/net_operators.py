@@ -421,4 +421,4 @@ def _held_handle(contact: Octuple, handles: Sequence[str], objects: "dict[str, s
     return Octuple(named(contact.first), named(contact.second))
 
 
-__all__ = ["OperatorText", "net_operators", "joint_setting_fact", "object_templates", "atom_with_terms"]
+__all__ = ["OperatorText", "atom_with_terms", "joint_setting_fact", "net_operators", "object_templates"]

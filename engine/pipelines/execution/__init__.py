@@ -17,13 +17,13 @@ from cellwright.engine.pipelines.execution.run_start import (
 )
 
 __all__ = [
-    "RunExecution",
     "Finish",
     "GivenOrder",
     "OrderSource",
+    "RunExecution",
+    "RunRequest",
     "RunScope",
     "TimedOrders",
-    "RunRequest",
     "begin_run",
     "list_run",
     "name_run",

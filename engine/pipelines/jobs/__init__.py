@@ -18,10 +18,10 @@ from cellwright.engine.pipelines.jobs.work_units import (
 )
 
 __all__ = [
-    "WorkCrew",
     "DraftedResult",
-    "WorkKind",
     "ResultLedger",
+    "WorkCrew",
+    "WorkKind",
     "WorkUnit",
     "carried_out",
     "crew_of",

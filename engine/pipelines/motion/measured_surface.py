@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats
-from cellwright.engine.model.part_measurements import MeasurementPoses
+from cellwright.engine.model.arm_poses import MeasurementPoses
 from cellwright.engine.model.shape_fits import Fit, FitShape, Fitting
 from cellwright.engine.model.vision import EdgeImage, PixelWindow, RangeImage, Vague
 from cellwright.engine.pipelines.inspection.measurement_places import with_measured_places

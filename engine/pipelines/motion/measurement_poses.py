@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cellwright.engine.model.part_measurements import Box, MeasurementPoses
+from cellwright.engine.model.arm_poses import Box, MeasurementPoses
 from cellwright.engine.pipelines.inspection.measurement_places import measured_at, with_measured_places
 from cellwright.engine.pipelines.motion.cell_state import CellState
 from cellwright.engine.pipelines.motion.pose_digests import ArmFooting, StandingBodies

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cellwright.engine.kernels.arrays import Floats, Truths
+from cellwright.engine.model.arm_poses import MeasurementPoses
 from cellwright.engine.model.geometry import Solid
-from cellwright.engine.model.part_measurements import MeasurementPoses
 from cellwright.engine.pipelines.motion.cell_state import BRANCH_JUMP, CellState
 from cellwright.engine.pipelines.motion.pose_digests import ArmFooting, StandingBodies, box_of, boxes_of
 from cellwright.engine.pipelines.motion.ranging_views import box_looked_at, eye_of, patch_of, solids_before

@@ -12,4 +12,4 @@ from cellwright.engine.pipelines.recovery.world_model import (
     WorldState,
 )
 
-__all__ = ["StepAchievement", "Dynamics", "FaultyCell", "KeptHistory", "SymbolicWorld", "WorldState"]
+__all__ = ["Dynamics", "FaultyCell", "KeptHistory", "StepAchievement", "SymbolicWorld", "WorldState"]

@@ -50,15 +50,15 @@ from cellwright.kb.store.case_store import Cases, ClosedCase, cause_counts
 from cellwright.kb.terms import Atom, Function
 
 __all__ = [
-    "DiagnosisCase",
     "CaseSettings",
+    "DiagnosisCase",
     "Preparations",
     "RecoveryResult",
-    "state_after",
-    "open_diagnosis_case",
-    "fault_model",
     "case_from_settings",
+    "fault_model",
+    "open_diagnosis_case",
     "recover_goals",
+    "state_after",
 ]
 
 

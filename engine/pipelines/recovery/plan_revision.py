@@ -362,4 +362,4 @@ class _PlanRepair:
         return dataclasses.replace(link, condition=counted)
 
 
-__all__ = ["PlanUnderWay", "PlanRevision", "planned_anew", "remaining_problem", "revise_plan"]
+__all__ = ["PlanRevision", "PlanUnderWay", "planned_anew", "remaining_problem", "revise_plan"]

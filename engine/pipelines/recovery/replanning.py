@@ -23,8 +23,8 @@ from cellwright.kb.model.planning_problem import Problem
 from cellwright.kb.terms import sort_naturally
 
 __all__ = [
-    "RepairFirst",
     "RecoveryResult",
+    "RepairFirst",
     "plan_in_sequence",
     "recover_goals",
     "rest_after_steps",

@@ -12,11 +12,11 @@ from cellwright.engine.pipelines.simulators.virtual_clock import Simulator, faul
 __all__ = [
     "HiddenCell",
     "Injection",
-    "SimulatorSettings",
     "Simulator",
+    "SimulatorSettings",
+    "exceptions_of_cause",
     "fault_base",
     "option_number",
-    "exceptions_of_cause",
     "settings_of",
     "simulated_driver",
 ]

@@ -284,8 +284,8 @@ class _MergedSpares:
 __all__ = [
     "Named",
     "ThinnedProblem",
-    "preserves_optimality",
-    "find_relevance",
     "drop_irrelevant_objects",
     "drop_irrelevant_operators",
+    "find_relevance",
+    "preserves_optimality",
 ]

@@ -22,14 +22,14 @@ from cellwright.engine.stages.planning.search_control import (
 )
 
 __all__ = [
-    "SMALL_STATE_ROOM",
     "NO_MACROS",
     "RACE",
     "RESTARTS",
+    "SMALL_STATE_ROOM",
     "STATE_ROOM",
     "STRATEGIES",
-    "SearchLimits",
     "Macros",
+    "SearchLimits",
     "plan_task",
 ]
 

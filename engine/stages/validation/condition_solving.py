@@ -114,13 +114,13 @@ def _is_bound(term: Term, bindings: Bindings) -> bool:
 
 
 __all__ = [
-    "OrderedCondition",
     "Bindings",
-    "order_condition",
+    "OrderedCondition",
     "bind_parameters",
     "condition_holds",
-    "solve_in_order",
+    "order_condition",
     "solve_conditions",
+    "solve_in_order",
 ]
 
 

@@ -30,7 +30,7 @@ def test_files_are_taken(name: str) -> None:
 
 def test_a_connection_that_cannot_be_closed_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     program = (
-        "import logging; from cellwright.kb.store.database import connected; connected('postgresql://me@nowhere/db');"
+        "import logging; from cellwright.kb.store.database import connect_engine; connect_engine('postgresql://me@nowhere/db');"
         "logging.getLogger('sqlalchemy.pool.impl.QueuePool').error('Exception terminating connection')"
     )
     subprocess.run([sys.executable, "-c", program], check=True, cwd=Path(__file__).parents[3])

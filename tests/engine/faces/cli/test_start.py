@@ -71,6 +71,6 @@ def test_what_ends_at_once_has_written_its_answer_and_keeps_its_exit_code(
 )
 def test_what_is_open_is_closed_before_the_end(before: str, code: int, said: str) -> None:
     """`leave` comes back only if threads run, so that the interpreter ends as usual; otherwise nothing after it runs."""
-    script = f"import sys; from cellwright.engine.faces.cli.output.answer_output import leave_process; {before}; leave(3); print('came back')"
+    script = f"import sys; from cellwright.engine.faces.cli.output.answer_output import leave_process; {before}; leave_process(3); print('came back')"
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (ran.returncode, " ".join(ran.stdout.split())) == (code, said)

@@ -16,7 +16,7 @@ from cellwright.engine.authoring.editor_view import quick_findings, thorough_fin
 from cellwright.engine.faces.lsp.language_server import REQUEST_ANSWERS  # noqa: E402
 from cellwright.engine.faces.lsp.live_diagnostics import LiveDiagnostics  # noqa: E402
 from cellwright.engine.faces.lsp.open_files import (  # noqa: E402
-    OpenFiles,  # noqa: E402
+    OpenFiles,
     TextLines,
     apply_change,
 )
